@@ -64,6 +64,8 @@ GOODBYE_STATES = 100         # Live States after a Goodbye in which the server m
 FIRST_SAMPLE_STATES = 1_000  # States to wait for the first usable force sample.
 PRIORITY = 40                # With --realtime: below the server, which may run on the same computer.
 SAMPLE_STATES = 100          # States that the last usable force sample may serve.
+SENSOR_READS = 4             # Reads of 64 KiB from the sensor per visit: more than a second of records, and a bound on what a flood costs.
+RETURN_S = 0.5               # Time in which a step that was only late returns after the end of its session; one that hangs does not.
 
 
 class Limits(NamedTuple):
@@ -157,32 +159,22 @@ class ControllerFailed(Failure):
 
 def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, states=None, patience_s=1.0, checksum=None,
         realtime=False):
-    """Runs a controller until Ctrl-C, `Leave`, or the number of `states` is reached, and returns a `Report`.
+    """Runs a controller until Ctrl-C, `Leave`, or the number of `states` is reached, and returns a `Report`; before the Welcome, Ctrl-C
+    returns one without States.
 
     `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
     kinematic parameters. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
     each of them the server ramps the offsets to zero by itself.
     """
-    # The sensor first: no session is taken from others without it.
-    with _Sensor(sensor) as force, _granted(server) as connection:
-        found = connection.welcome.kinematics_checksum
-        if checksum not in (None, found):
-            raise Incompatible(f"incompatible server: its machine has checksum {found:08x}, the client's has {checksum:08x}")
-        if realtime:
-            _take_priority()
-        try:
-            with _Worker(controller, connection.welcome, patience_s) as worker:
-                _answer_until_done(connection, worker, force, not submit_only, states)
-        except (Ended, Vanished, Incompatible):
-            raise  # Nobody is left to say Goodbye to; without the connection the server ramps.
-        except (KeyboardInterrupt, Leave):
-            connection.leave()
-        except BaseException:
-            try:
-                connection.leave()
-            except Failure:
-                pass  # The first failure is the reason.
-            raise
+    connection = None
+    try:
+        # The sensor first: no session is taken from others without it.
+        with _Sensor(sensor) as force, _granted(server) as connection:
+            _hold(connection, force, controller, not submit_only, states, patience_s, checksum, realtime)
+    except KeyboardInterrupt:
+        if connection:
+            raise  # The second one, while the Goodbye was on its way.
+        return Report(0, 0, 0)
     return Report(connection.states, connection.sequence, connection.saturated)
 
 
@@ -206,7 +198,32 @@ def main(controller, options=None, **others):
     except Failure as failure:
         print(f"gantry_tau: {failure}", file=sys.stderr)
         sys.exit(failure.exit_code)
+    if not report.states:
+        print("left before a session was granted")
+        return
     print(f"left with Goodbye after {report.states} States ({report.saturated} with a saturated target); the server ramps the offsets to zero")
+
+
+def _hold(connection, force, controller, may_obtain, states, patience_s, checksum, realtime):
+    """Holds a granted session to its end. Returns after the client's own Goodbye; raises the reason of every other end."""
+    try:
+        found = connection.welcome.kinematics_checksum
+        if checksum not in (None, found):
+            raise Incompatible(f"incompatible server: its machine has checksum {found:08x}, the client's has {checksum:08x}")
+        if realtime:
+            _take_priority()
+        with _Worker(controller, connection.welcome, patience_s) as worker:
+            _answer_until_done(connection, worker, force, may_obtain, states)
+    except (Ended, Vanished, Incompatible):
+        raise  # Nobody is left to say Goodbye to; without the connection the server ramps.
+    except (KeyboardInterrupt, Leave):
+        connection.leave()
+    except BaseException:
+        try:
+            connection.leave()
+        except Failure:
+            pass  # The first failure is the reason.
+        raise
 
 
 def _answer_until_done(connection, worker, sensor, may_obtain, last_state):
@@ -237,9 +254,10 @@ def _ended(state, worker):
     said = f"the server ended the session: {state.cause}"
     if state.cause not in (CAUSES[1], CAUSES[2], CAUSES[11]):
         return Ended(said)
-    if worker.job:
+    # A client that was not scheduled is late as well: then the step returns as soon as it runs again.
+    if worker.job and not worker.returns_within(RETURN_S):
         return ControllerFailed(f"{worker.job} has not returned after {worker.seconds() * 1e3:.1f} ms; {said}")
-    return Ended(f"{said} (the controller's longest step took {worker.longest_s * 1e3:.1f} ms)")
+    return Ended(f"{said} (the controller's longest step took {worker.longest_s * 1e3:.1f} ms, time without the processor included)")
 
 
 class _Worker:
@@ -268,20 +286,23 @@ class _Worker:
     def is_done(self):
         return not self.results.empty()
 
-    def take(self):
+    def take(self, end="left with Goodbye"):
         """Returns targets, None after the start, and whether Obtain is asked for; raises what the controller has raised."""
         self.bell.recv(1)
         self.longest_s = max(self.longest_s, self.seconds())
         result, (job, self.job) = self.results.get(), (self.job, None)
-        if not isinstance(result, BaseException):
-            return result
-        if isinstance(result, (Leave, KeyboardInterrupt)):
+        if isinstance(result, ControllerFailed):
+            raise ControllerFailed(f"{job} {result}; {end}, the server ramps every offset to zero") from result.__cause__
+        if isinstance(result, BaseException):
             raise result
-        if isinstance(result, _BadTargets):
-            raise ControllerFailed(f"{job} returned {result}; left with Goodbye, the server ramps every offset to zero")
-        place = traceback.extract_tb(result.__traceback__)[-1]
-        raise ControllerFailed(f"{job} raised {type(result).__name__}: {' '.join(str(result).split())} ({place.filename}, line "
-                               f"{place.lineno}); left with Goodbye, the server ramps every offset to zero") from result
+        return result
+
+    def returns_within(self, seconds):
+        """Waits for the running step and takes its result; False if it has not returned in this time."""
+        ready, _, _ = select.select([self.bell], [], [], seconds)
+        if ready:
+            self.take("the server had ended the session")
+        return bool(ready)
 
     def seconds(self):
         return time.monotonic() - self.since
@@ -304,7 +325,7 @@ class _Worker:
                 targets = task()
                 result = targets, bool(getattr(self.controller, "obtain", True))
             except BaseException as error:  # SystemExit as well: it would end this thread only.
-                result = error
+                result = _reason(error)
             self.results.put(result)
             try:
                 self._ring.send(b"!")
@@ -323,6 +344,22 @@ class _Worker:
 
 class _BadTargets(Exception):
     """Targets that cannot be sent."""
+
+
+def _reason(error):
+    """Returns what `take` raises for an error of the controller. Its text is made by code of the controller, which may fail again or hang."""
+    if isinstance(error, (Leave, KeyboardInterrupt)):
+        return error
+    if isinstance(error, _BadTargets):
+        return ControllerFailed(f"returned {error}")
+    try:
+        text = " ".join(str(error).split())
+    except BaseException as another:
+        text = f"its text raised {type(another).__name__}"
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    failure = ControllerFailed(f"raised {type(error).__name__}: {text} ({place.filename}, line {place.lineno})")
+    failure.__cause__ = error
+    return failure
 
 
 def _whole_nm(number, axis):
@@ -360,8 +397,9 @@ class _Sensor:
             return
         self._receive()
         end = len(self.rest) // self.RECORD.size * self.RECORD.size
+        newest = self.rest[max(0, end - SAMPLE_STATES * self.RECORD.size):end]
         # The same record again is none, and so is one that is not finite.
-        usable = [record for record in self.RECORD.iter_unpack(self.rest[:end]) if record[0] != self.tick and all(map(math.isfinite, record[1:]))]
+        usable = [record for record in self.RECORD.iter_unpack(newest) if record[0] != self.tick and all(map(math.isfinite, record[1:]))]
         self.rest = self.rest[end:]
         if usable:
             self.tick, self.wrench = usable[-1][0], usable[-1][1:]
@@ -377,7 +415,7 @@ class _Sensor:
     def _receive(self):
         self.socket.setblocking(False)
         try:
-            while True:
+            for _ in range(SENSOR_READS):
                 data = self.socket.recv(65_536)
                 if not data:
                     raise SensorSilent("no force samples: the connection was closed; left with Goodbye")
@@ -469,15 +507,19 @@ class _Connection:
         self._send(COMMAND, head + b"".join(struct.pack("<iih", target, 0, 0) for target in cut))
 
     def leave(self):
-        """Sends Goodbye and waits until the server has received it: a connection closed at once would be the cause instead."""
-        if self.ended:
-            return
-        self._send(GOODBYE, struct.pack("<Q", self.welcome.epoch))
+        """Sends Goodbye and waits until the server has received it: a connection closed at once would be the cause instead.
+
+        Raises `Ended` if the server has ended the session for another reason before.
+        """
+        if not self.ended:
+            self._send(GOODBYE, struct.pack("<Q", self.welcome.epoch))
         last = self.states + GOODBYE_STATES
         while not self.ended:
             if self.states >= last:
                 raise Vanished(f"the server vanished: it has not acknowledged the Goodbye within {GOODBYE_STATES} States")
             self.receive()
+        if self.state.cause != CAUSES[6]:
+            raise Ended(f"the server ended the session: {self.state.cause}")
 
     def check_silence(self):
         if time.monotonic() - self.heard > SILENCE_S:

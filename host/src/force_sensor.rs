@@ -12,6 +12,9 @@ use labcomm::LabcommSensor;
 /// Name of the sample in the thesis' file.
 pub const DEFAULT_NAME: &str = "forcesensor";
 
+/// Reason of a source that is silent.
+const SILENCE: &str = "none has come for too long";
+
 /// Address of a force sensor, and what it speaks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SensorSource {
@@ -81,6 +84,15 @@ impl ForceSensor {
         match self {
             Self::Records(reader) => reader.latest(),
             Self::Labcomm(sensor) => sensor.latest(tick),
+        }
+    }
+
+    /// Returns the reason for which no new sample has come.
+    #[must_use]
+    pub fn silence(&self) -> String {
+        match self {
+            Self::Records(_) => SILENCE.to_owned(),
+            Self::Labcomm(sensor) => sensor.silence(),
         }
     }
 }

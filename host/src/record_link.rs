@@ -108,7 +108,7 @@ impl<R: Record> Reader<R> {
             let expected = self.expected()?;
             let room = self.buffer.get_mut(self.filled..expected).unwrap_or_default();
             match self.stream.read(room) {
-                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(0) => return Err(closed()),
                 Ok(count) => self.filled += count,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(self.latest),
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
@@ -129,4 +129,9 @@ impl<R: Record> Reader<R> {
     fn expected(&self) -> io::Result<usize> {
         R::expected(self.arrived())
     }
+}
+
+/// Error of a connection that the other side has closed.
+pub(crate) fn closed() -> io::Error {
+    io::Error::new(io::ErrorKind::UnexpectedEof, "the other side has closed the connection")
 }

@@ -1,7 +1,7 @@
 //! `gantry-tau labcomm`.
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read};
+use std::io::{self, BufReader, BufWriter, Read, StdoutLock, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -107,37 +107,80 @@ impl Labcomm {
 
 impl Decode {
     fn run(self) -> Outcome {
-        let output = BufWriter::new(io::stdout().lock());
-        match decode(input(self.file)?, output, self.bits) {
-            // The reader of the lines has ended, for instance `head`.
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ExitCode::SUCCESS),
-            outcome => Ok(ExitCode::from(u8::from(!outcome?))),
-        }
+        let outcome = decode(input(self.file)?, output(), self.bits);
+        until_the_reader_ends(outcome.map(|is_whole| ExitCode::from(u8::from(!is_whole))))
     }
 }
 
 impl Encode {
     fn run(self) -> Outcome {
-        let output = BufWriter::new(io::stdout().lock());
-        match encode(self.version.into(), BufReader::new(input(self.file)?), output) {
-            Err(EncodeError::Io(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ExitCode::SUCCESS),
-            outcome => Ok(outcome.map(|()| ExitCode::SUCCESS)?),
+        let input = input(self.file)?;
+        let name = input.name.clone();
+        match encode(self.version.into(), BufReader::new(input), output()) {
+            Ok(()) => Ok(ExitCode::SUCCESS),
+            Err(EncodeError::Io(error)) => until_the_reader_ends(Err(error)),
+            Err(error @ EncodeError::Line { .. }) => Err(format!("{name}: {error}").into()),
         }
     }
 }
 
 impl MachineCommand for Schema {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, _: RobotFile<K, N>) -> Outcome {
-        print!("{}", schema::<N>());
-        Ok(ExitCode::SUCCESS)
+        let mut output = output();
+        let written = output.write_all(schema::<N>().as_bytes()).and_then(|()| output.flush());
+        until_the_reader_ends(written.map(|()| ExitCode::SUCCESS))
+    }
+}
+
+/// Takes the end of the output's reader, for instance `head`, for the end of the command.
+fn until_the_reader_ends(outcome: io::Result<ExitCode>) -> Outcome {
+    match outcome {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ExitCode::SUCCESS),
+        outcome => Ok(outcome?),
+    }
+}
+
+/// A file or stream whose errors name it.
+struct Named<T> {
+    name: String,
+    inner: T,
+}
+
+impl<T> Named<T> {
+    fn named(&self, error: &io::Error) -> io::Error {
+        io::Error::new(error.kind(), format!("{}: {error}", self.name))
+    }
+}
+
+impl<R: Read> Read for Named<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.inner.read(bytes).map_err(|error| self.named(&error))
+    }
+}
+
+impl<W: Write> Write for Named<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.inner.write(bytes).map_err(|error| self.named(&error))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush().map_err(|error| self.named(&error))
     }
 }
 
 /// A file, or standard input.
-fn input(file: Option<PathBuf>) -> Result<Box<dyn Read>, String> {
-    let Some(path) = file else { return Ok(Box::new(io::stdin().lock())) };
+fn input(file: Option<PathBuf>) -> Result<Named<Box<dyn Read>>, String> {
+    let Some(path) = file else {
+        return Ok(Named { name: "standard input".to_owned(), inner: Box::new(io::stdin().lock()) });
+    };
+    let name = path.display().to_string();
     match File::open(&path) {
-        Ok(file) => Ok(Box::new(file)),
-        Err(error) => Err(format!("{}: cannot be opened: {error}", path.display())),
+        Ok(file) => Ok(Named { name, inner: Box::new(file) }),
+        Err(error) => Err(format!("{name}: cannot be opened: {error}")),
     }
+}
+
+/// Standard output.
+fn output() -> BufWriter<Named<StdoutLock<'static>>> {
+    BufWriter::new(Named { name: "standard output".to_owned(), inner: io::stdout().lock() })
 }

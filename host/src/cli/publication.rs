@@ -24,7 +24,7 @@ pub(crate) struct PublicationOptions {
     #[arg(long, value_name = "HOST:PORT[=NAME,..]", value_parser = port)]
     labcomm: Vec<Port>,
     /// Version of LabComm on these ports, and in a recording [default: 2006 on ports, 2014 in a recording]
-    #[arg(long, value_name = "VERSION")]
+    #[arg(long, value_name = "VERSION", requires = "labcomm_streams")]
     labcomm_version: Option<LabcommVersion>,
 }
 

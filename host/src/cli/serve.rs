@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use gantry_tau::black_box::swap_channel;
 use gantry_tau::black_box::writer::Writer;
 use gantry_tau::epoch;
@@ -42,6 +42,7 @@ use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 ///
 /// While a client is in Obtain, a simulated force acts on the tool in steps. Type `stop`, `rearm` or `quit` and Enter.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("labcomm_streams").args(["labcomm", "record"]).multiple(true)))]
 pub(crate) struct Serve {
     /// Address for clients. Traffic is not encrypted; the default is reachable from this machine only
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
@@ -96,9 +97,10 @@ pub(crate) struct Serve {
     /// File of the epoch counter, which keeps frames of earlier sessions invalid [default: in the user's state folder]
     #[arg(long, value_name = "FILE")]
     epoch_file: Option<PathBuf>,
-    /// Record every tick, as CSV or as a stream of LabComm
+    /// Record every tick, as CSV, as a stream of LabComm or as MCAP
     ///
     /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool, session_event and drives.
+    /// MCAP: the same samples as JSON, and the machine as a scene for Foxglove.
     #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`

@@ -218,7 +218,7 @@ impl<const N: usize> Session<'_, N> {
                 Some(_) => SAMPLE_STATES,
             };
             if self.states_without_sample > patience {
-                return Err(silent("none has come for too long"));
+                return Err(silent(&self.sensor.silence()));
             }
             return Ok(());
         };

@@ -4,9 +4,10 @@ use std::io::{self, Read};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-use gantry_tau_labcomm::{Decoded, Decoder, Definition, Event, Type};
+use gantry_tau_labcomm::{Definition, Event, Type};
 
-use crate::labcomm::{StreamDecoder, type_text};
+use crate::labcomm::{Stream, type_text};
+use crate::record_link::closed;
 use crate::sensor_link::Sample;
 
 /// Longest wait for the sensor to answer.
@@ -15,69 +16,68 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 const CHUNK: usize = 4_096;
 /// Reads from one stream per visit, a bound on the work a flood can cause.
 const READS: usize = 64;
+/// Names of samples in a message at most.
+const NAMES: usize = 8;
 /// Largest value of any sample in the stream, bytes.
 const MAX_VALUE: u32 = 1 << 20;
 
 /// Reader of one sample; keeps the latest.
 #[derive(Debug)]
 pub struct LabcommSensor {
-    stream: TcpStream,
+    socket: TcpStream,
     name: String,
-    decoder: StreamDecoder,
-    /// Bytes of an event that is not complete.
-    pending: Vec<u8>,
+    stream: Stream,
     latest: Option<Sample>,
 }
 
 impl LabcommSensor {
     /// Connects to a stream that defines a sample `name`.
     pub(super) fn connect(address: SocketAddr, name: &str) -> io::Result<Self> {
-        let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
-        stream.set_nodelay(true)?;
-        stream.set_nonblocking(true)?;
-        Ok(Self {
-            stream,
-            name: name.to_owned(),
-            decoder: Box::new(Decoder::new(MAX_VALUE)),
-            pending: Vec::new(),
-            latest: None,
-        })
+        let socket = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
+        socket.set_nodelay(true)?;
+        socket.set_nonblocking(true)?;
+        Ok(Self { socket, name: name.to_owned(), stream: Stream::new(MAX_VALUE), latest: None })
     }
 
     /// As [`super::ForceSensor::latest`].
     pub(super) fn latest(&mut self, tick: u64) -> io::Result<Option<Sample>> {
+        let received = self.receive();
+        while let Some(event) = self.stream.next().map_err(|error| invalid(error.to_string()))? {
+            if let Some(wrench) = wrench(&self.name, &event)? {
+                self.latest = Some(Sample { tick, wrench });
+            }
+        }
+        received.map(|()| self.latest)
+    }
+
+    /// As [`super::ForceSensor::silence`].
+    pub(super) fn silence(&self) -> String {
+        let defined = || self.stream.decoder().registry().iter();
+        if defined().any(|definition| is_named(&definition, &self.name)) {
+            return super::SILENCE.to_owned();
+        }
+        let names = defined().take(NAMES).map(|of| format!("{:?}", String::from_utf8_lossy(of.name)));
+        let names: Vec<String> = names.collect();
+        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let more = if defined().nth(NAMES).is_some() { ", ..." } else { "" };
+        format!("the stream does not define a sample {:?}; it defines {names}{more}", self.name)
+    }
+
+    /// Takes the bytes that have come.
+    fn receive(&mut self) -> io::Result<()> {
+        let mut chunk = [0; CHUNK];
         for _ in 0..READS {
-            let mut chunk = [0; CHUNK];
-            match self.stream.read(&mut chunk) {
-                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-                Ok(count) => {
-                    self.pending.extend_from_slice(chunk.get(..count).unwrap_or_default());
-                    self.decode(tick)?;
+            match self.socket.read(&mut chunk) {
+                Ok(0) => {
+                    self.stream.end();
+                    return Err(closed());
                 }
+                Ok(count) => self.stream.push(chunk.get(..count).unwrap_or_default()),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Err(error) => return Err(error),
             }
         }
-        Ok(self.latest)
-    }
-
-    /// Takes the events that are complete.
-    fn decode(&mut self, tick: u64) -> io::Result<()> {
-        let mut rest = self.pending.as_slice();
-        loop {
-            match self.decoder.decode(rest).map_err(|error| invalid(error.to_string()))? {
-                Decoded::Need(_) => break,
-                Decoded::Event { event, used } => {
-                    rest = rest.get(used..).unwrap_or_default();
-                    if let Some(wrench) = wrench(&self.name, &event)? {
-                        self.latest = Some(Sample { tick, wrench });
-                    }
-                }
-            }
-        }
-        let used = self.pending.len() - rest.len();
-        self.pending.drain(..used);
         Ok(())
     }
 }

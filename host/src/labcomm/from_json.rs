@@ -40,9 +40,15 @@ pub(super) fn text(json: &Value) -> Result<Vec<u8>, String> {
     };
     let bytes = hex.and_then(|hex| {
         let pairs = hex.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).ok().filter(|pair| pair.len() == 2));
-        pairs.map(|pair| u8::from_str_radix(pair?, 16).ok()).collect::<Option<Vec<u8>>>()
+        pairs.map(|pair| u8::try_from(from_hex(pair?)?).ok()).collect::<Option<Vec<u8>>>()
     });
     bytes.ok_or_else(|| format!("expected a text or {{\"bytes\":\"hex\"}}, got {}", short(json)))
+}
+
+/// Reads hex digits, without the sign that the standard library takes.
+fn from_hex(digits: &str) -> Option<u64> {
+    let is_hex = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    if is_hex { u64::from_str_radix(digits, 16).ok() } else { None }
 }
 
 /// Writes the bytes of a type.
@@ -134,7 +140,7 @@ fn float(json: &Value) -> Option<u32> {
             let float: f32 = number.to_string().parse().ok()?;
             float.is_finite().then_some(float.to_bits())
         }
-        Value::String(text) if text.len() == 8 => u32::from_str_radix(text, 16).ok(),
+        Value::String(text) if text.len() == 8 => from_hex(text).and_then(|bits| u32::try_from(bits).ok()),
         Value::String(text) => word(text, [f32::NAN, f32::INFINITY, f32::NEG_INFINITY]).map(f32::to_bits),
         _ => None,
     }
@@ -144,7 +150,7 @@ fn float(json: &Value) -> Option<u32> {
 fn double(json: &Value) -> Option<u64> {
     match json {
         Value::Number(number) => number.as_f64().map(f64::to_bits),
-        Value::String(text) if text.len() == 16 => u64::from_str_radix(text, 16).ok(),
+        Value::String(text) if text.len() == 16 => from_hex(text),
         Value::String(text) => word(text, [f64::NAN, f64::INFINITY, f64::NEG_INFINITY]).map(f64::to_bits),
         _ => None,
     }

@@ -12,14 +12,16 @@
 mod decode;
 mod encode;
 mod from_json;
+mod incoming;
 mod json_schema;
 mod schema;
 mod to_json;
 
-use gantry_tau_labcomm::{Decoder, Registry, Type};
+use gantry_tau_labcomm::{Registry, Type};
 
 pub use decode::decode;
 pub use encode::{EncodeError, encode};
+pub(crate) use incoming::Incoming;
 pub(crate) use json_schema::json_schema;
 pub use schema::schema;
 pub(crate) use to_json::{Floats, value as write_value};
@@ -29,8 +31,8 @@ const DEFINITIONS: usize = 256;
 /// Bytes of names and types that the program takes from one stream.
 const DEFINITION_BYTES: usize = 1 << 16;
 
-/// Decoder with the limits of the program. Boxed: about 80 KiB.
-pub(crate) type StreamDecoder = Box<Decoder<DEFINITIONS, DEFINITION_BYTES>>;
+/// Stream with the limits of the program.
+pub(crate) type Stream = Incoming<DEFINITIONS, DEFINITION_BYTES>;
 /// Definitions of a stream that is encoded.
 type StreamRegistry = Box<Registry<DEFINITIONS, DEFINITION_BYTES>>;
 

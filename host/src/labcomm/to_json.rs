@@ -4,6 +4,20 @@ use std::fmt::Write as _;
 
 use gantry_tau_labcomm::{ErrorKind, Kind, Leaf, Step, Type, Value};
 
+/// Longest text of a value, bytes. A value of numbers or texts, 16 MiB at most, has less; names of fields, repeated for each element, have not.
+const MAX_TEXT: usize = 1 << 27;
+
+/// Reason why a value has no text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum TextError {
+    /// Error of the stream.
+    #[error("{0}")]
+    Stream(ErrorKind),
+    /// Longer than [`MAX_TEXT`].
+    #[error("the text of a value is longer than {MAX_TEXT} bytes; the names of its fields are repeated too often")]
+    TooLong,
+}
+
 /// Writes bytes as a JSON string, or as `{"bytes":"hex"}` if they are not UTF-8.
 pub(super) fn text(out: &mut String, bytes: &[u8]) {
     match std::str::from_utf8(bytes) {
@@ -77,11 +91,15 @@ pub(crate) enum Floats {
 /// Writes a value.
 ///
 /// # Errors
-/// None for a value that the decoder has checked.
-pub(crate) fn value(out: &mut String, of: &Value<'_, '_>, floats: Floats) -> Result<(), ErrorKind> {
+/// [`TextError::TooLong`]. No other for a value that the decoder has checked.
+pub(crate) fn value(out: &mut String, of: &Value<'_, '_>, floats: Floats) -> Result<(), TextError> {
+    let begin = out.len();
     let mut walk = of.walk();
     let mut levels: Vec<Level> = Vec::new();
-    while let Some(step) = walk.step()? {
+    while let Some(step) = walk.step().map_err(TextError::Stream)? {
+        if out.len().saturating_sub(begin) > MAX_TEXT {
+            return Err(TextError::TooLong);
+        }
         match step {
             Step::Field(name) => {
                 if let Some(Level::Structure { is_first }) = levels.last_mut() {

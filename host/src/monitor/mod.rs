@@ -158,7 +158,11 @@ impl Monitor {
         match (self.trouble, &self.snapshot) {
             (Some(trouble), _) => Some(trouble.to_string()),
             (None, None) if silent < SILENCE => Some(format!("waiting for the first tick of {}", self.server)),
-            (None, None) => Some(format!("{} sent no tick in {:.0} s", self.server, silent.as_secs_f64())),
+            (None, None) => Some(format!(
+                "{} sent no tick in {:.0} s; it may have four readers, the most that a port takes",
+                self.server,
+                silent.as_secs_f64()
+            )),
             (None, Some(_)) if silent < SILENCE => None,
             (None, Some(_)) => Some(format!("{} has sent nothing for {:.0} s", self.server, silent.as_secs_f64())),
         }
@@ -171,7 +175,7 @@ impl Monitor {
     }
 
     /// Events, the last first; at most 50.
-    pub fn events(&self) -> impl Iterator<Item = &Entry> {
+    pub fn events(&self) -> impl DoubleEndedIterator<Item = &Entry> {
         self.events.iter()
     }
 }

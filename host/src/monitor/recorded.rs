@@ -12,6 +12,11 @@ use crate::record::{Recorded, Recording};
 use crate::server::cycle::Row;
 use crate::server::event_log::{Event, EventKind};
 
+/// Events that wait for their tick at most: more than a server sends, and a bound on what another one can cause.
+const WAITING: usize = 64;
+/// Events of a row at most, which [`Ticks`](crate::publication::Ticks) has room for; the others are written with the next rows.
+const PER_ROW: usize = 4;
+
 /// Takes what a monitor receives.
 pub trait Tap {
     /// Takes an event. Those of a tick come before or after it.
@@ -31,20 +36,30 @@ pub trait Tap {
 struct Recorder<const N: usize> {
     recording: Recording<N>,
     waiting: Option<Row<N>>,
+    /// Events that are not written, at most [`WAITING`].
     events: Vec<Event>,
+    /// Events for which there was no place.
+    lost: u64,
+    /// Machine whose ticks were not taken.
+    other: Option<StreamError>,
 }
 
 /// Takes a recording of a machine of `N` axes.
 #[must_use]
 pub fn tap<const N: usize>(recording: Recording<N>) -> Box<dyn Tap> {
-    Box::new(Recorder { recording, waiting: None, events: Vec::new() })
+    Box::new(Recorder { recording, waiting: None, events: Vec::new(), lost: 0, other: None })
 }
 
 impl<const N: usize> Recorder<N> {
     /// Writes the tick that waits, with the events up to it.
     fn write(&mut self) {
         let Some(row) = self.waiting.take() else { return };
-        let (now, later) = self.events.drain(..).partition(|event: &Event| event.tick <= row.state.tick.0);
+        let mut room = PER_ROW;
+        let (now, later) = self.events.drain(..).partition(|event: &Event| {
+            let is_now = event.tick <= row.state.tick.0 && room > 0;
+            room = room.saturating_sub(usize::from(is_now));
+            is_now
+        });
         self.events = later;
         self.recording.write::<Row<N>>(&row, &now);
     }
@@ -52,6 +67,10 @@ impl<const N: usize> Recorder<N> {
 
 impl<const N: usize> Tap for Recorder<N> {
     fn happened(&mut self, happened: &Happened) {
+        if self.events.len() == WAITING {
+            self.lost = self.lost.saturating_add(1);
+            return;
+        }
         let tick = unsigned(happened.tick);
         self.events.extend(EventKind::from_code(happened.kind).map(|kind| Event {
             tick,
@@ -63,7 +82,9 @@ impl<const N: usize> Tap for Recorder<N> {
 
     fn tick(&mut self, tick: &Received) -> Result<(), StreamError> {
         if tick.axes.count != N {
-            return Err(StreamError::OtherMachine { sent: tick.axes.count, expected: N });
+            let other = StreamError::OtherMachine { sent: tick.axes.count, expected: N };
+            self.other = Some(other);
+            return Err(other);
         }
         let before = self.waiting.map(|row| row.state.tick.0);
         self.write();
@@ -73,6 +94,12 @@ impl<const N: usize> Tap for Recorder<N> {
 
     fn finish(mut self: Box<Self>) -> Recorded {
         self.write();
+        if let Some(other) = self.other {
+            tracing::warn!("ticks are not in the recording: {other}");
+        }
+        if self.lost > 0 {
+            tracing::warn!("{} events are not in the recording: more than {WAITING} waited for their ticks", self.lost);
+        }
         self.recording.finish(0)
     }
 }

@@ -116,18 +116,29 @@ fn put(text: &str) -> bool {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_ok()
 }
 
+/// Logs the events after number `told`, the first first. Returns the number of the last.
+fn tell_events(monitor: &Monitor, told: u64) -> u64 {
+    let mut last = told;
+    for entry in monitor.events().rev().filter(|entry| entry.number > told) {
+        let lost = entry.number - last - 1;
+        if lost > 0 {
+            tracing::warn!("{lost} events before this one came at once with it and were not kept");
+        }
+        tracing::info!("{}", entry.text);
+        last = entry.number;
+    }
+    last
+}
+
 /// Returns the exit status of the last line.
 fn show_status(monitor: &mut Monitor, every: Option<Duration>, quit_after: Option<Duration>, quit: &AtomicBool) -> u8 {
     let mut status = NO_SERVER;
     let mut next = Instant::now();
     let mut told = 0;
     each_visit(monitor, REST, quit_after, quit, |monitor| {
-        for entry in monitor.events().filter(|entry| entry.number > told) {
-            if every.is_some() {
-                tracing::info!("{}", entry.text);
-            }
+        if every.is_some() {
+            told = tell_events(monitor, told);
         }
-        told = monitor.events().next().map_or(told, |entry| entry.number);
         if Instant::now() < next {
             return true;
         }

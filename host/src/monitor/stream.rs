@@ -5,12 +5,13 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
 use gantry_tau_labcomm::samples::SessionEvent;
-use gantry_tau_labcomm::{Decoded, Decoder, Error, Event, Value};
+use gantry_tau_labcomm::{Error, Event, Value};
 
 use super::assembly::Assembly;
 use super::known::{Kind, Known};
 use super::recorded::Tap;
 use super::snapshot::Snapshot;
+use crate::labcomm::Incoming;
 use crate::server::event_log::EventKind;
 
 /// Longest wait for a server to take the connection.
@@ -21,8 +22,6 @@ const CHUNK: usize = 65_536;
 const READS: usize = 64;
 /// Largest sample, bytes.
 const MOST: u32 = 65_536;
-/// Definitions in a stream, and bytes of their names and types.
-type StreamDecoder = Decoder<64, 16_384>;
 
 /// Samples that a server must publish for a monitor, as `serve --labcomm` takes them.
 pub const SAMPLES: &str = "state,axes,tool,session_event,drives";
@@ -56,6 +55,14 @@ pub enum StreamError {
     /// A sample of this name has another type.
     #[error("the port publishes a sample `{name}` of another type; server and monitor must be of the same version")]
     OtherType {
+        /// The sample.
+        name: &'static str,
+    },
+    /// A value has a text that is too long.
+    #[error(
+        "the port sends a sample `{name}` with a text above 256 bytes; server and monitor must be of the same version"
+    )]
+    LongText {
         /// The sample.
         name: &'static str,
     },
@@ -93,9 +100,8 @@ pub struct Happened {
 /// A connection to a server.
 pub(super) struct Stream {
     socket: TcpStream,
-    decoder: Box<StreamDecoder>,
-    /// Bytes that are not decoded yet.
-    bytes: Vec<u8>,
+    /// With room for 64 definitions in 16 KiB of names and types.
+    incoming: Incoming<64, 16_384>,
     chunk: Vec<u8>,
     assembly: Assembly,
     known: Known,
@@ -112,8 +118,7 @@ impl Stream {
         socket.set_nonblocking(true).map_err(unreachable)?;
         Ok(Self {
             socket,
-            decoder: Box::new(StreamDecoder::new(MOST)),
-            bytes: Vec::new(),
+            incoming: Incoming::new(MOST),
             chunk: vec![0; CHUNK],
             assembly: Assembly::default(),
             known: Known::default(),
@@ -129,14 +134,40 @@ impl Stream {
         happened: &mut Vec<Happened>,
         tap: &mut Option<Box<dyn Tap>>,
     ) -> Result<usize, StreamError> {
+        let received = self.read();
+        while let Some(event) = self.incoming.next().map_err(StreamError::Format)? {
+            match event {
+                Event::Define(definition) => self.known.define(&definition)?,
+                Event::Data { definition, value } => {
+                    let kind = self.known.kind(definition.index)?;
+                    self.assembly.expect_tool(self.known.has(Kind::Tool));
+                    let sends_drives = self.known.has(Kind::Drives3) || self.known.has(Kind::Drives6);
+                    self.assembly.expect_drives(sends_drives);
+                    let told = happened.len();
+                    take(kind, &value, &mut self.assembly, happened)?;
+                    if let Some(tap) = tap {
+                        happened.iter().skip(told).for_each(|event| tap.happened(event));
+                        self.assembly.take().map_or(Ok(()), |tick| tap.tick(&tick))?;
+                    }
+                }
+                Event::Version(_) | Event::Reference(_) | Event::Skipped(_) => {}
+            }
+        }
+        received
+    }
+
+    /// Takes the bytes that have come. Returns their number.
+    fn read(&mut self) -> Result<usize, StreamError> {
         let mut received = 0;
         for _ in 0..READS {
             match self.socket.read(&mut self.chunk) {
-                Ok(0) => return Err(StreamError::Closed),
+                Ok(0) => {
+                    self.incoming.end();
+                    return Err(StreamError::Closed);
+                }
                 Ok(count) => {
                     received += count;
-                    self.bytes.extend_from_slice(self.chunk.get(..count).unwrap_or_default());
-                    self.decode(happened, tap)?;
+                    self.incoming.push(self.chunk.get(..count).unwrap_or_default());
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -144,38 +175,6 @@ impl Stream {
             }
         }
         Ok(received)
-    }
-
-    /// Decodes whole events from the front of the bytes.
-    fn decode(&mut self, happened: &mut Vec<Happened>, tap: &mut Option<Box<dyn Tap>>) -> Result<(), StreamError> {
-        let mut at = 0;
-        loop {
-            let rest = self.bytes.get(at..).unwrap_or_default();
-            match self.decoder.decode(rest).map_err(StreamError::Format)? {
-                Decoded::Need(_) => break,
-                Decoded::Event { event, used } => {
-                    match event {
-                        Event::Define(definition) => self.known.define(&definition)?,
-                        Event::Data { definition, value } => {
-                            let kind = self.known.kind(definition.index)?;
-                            self.assembly.expect_tool(self.known.has(Kind::Tool));
-                            let sends_drives = self.known.has(Kind::Drives3) || self.known.has(Kind::Drives6);
-                            self.assembly.expect_drives(sends_drives);
-                            let told = happened.len();
-                            take(kind, &value, &mut self.assembly, happened)?;
-                            if let Some(tap) = tap {
-                                happened.iter().skip(told).for_each(|event| tap.happened(event));
-                                self.assembly.take().map_or(Ok(()), |tick| tap.tick(&tick))?;
-                            }
-                        }
-                        Event::Version(_) | Event::Reference(_) | Event::Skipped(_) => {}
-                    }
-                    at += used;
-                }
-            }
-        }
-        self.bytes.drain(..at);
-        Ok(())
     }
 
     /// The latest whole tick.
@@ -195,16 +194,17 @@ fn take(
     happened: &mut Vec<Happened>,
 ) -> Result<(), StreamError> {
     let Some(kind) = kind else { return Ok(()) };
-    let other = |_| StreamError::OtherType { name: kind.name() };
+    // The type is checked with the definition; only the length of a text is not.
+    let long = |_| StreamError::LongText { name: kind.name() };
     match kind {
-        Kind::State => assembly.state(value.read().map_err(other)?),
-        Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(other)?),
-        Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(other)?),
-        Kind::Drives3 => assembly.drives::<3>(&value.read().map_err(other)?),
-        Kind::Drives6 => assembly.drives::<6>(&value.read().map_err(other)?),
-        Kind::Tool => assembly.tool(value.read().map_err(other)?),
+        Kind::State => assembly.state(value.read().map_err(long)?),
+        Kind::Axes3 => assembly.axes::<3>(&value.read().map_err(long)?),
+        Kind::Axes6 => assembly.axes::<6>(&value.read().map_err(long)?),
+        Kind::Drives3 => assembly.drives::<3>(&value.read().map_err(long)?),
+        Kind::Drives6 => assembly.drives::<6>(&value.read().map_err(long)?),
+        Kind::Tool => assembly.tool(value.read().map_err(long)?),
         Kind::SessionEvent => {
-            let event: SessionEvent = value.read().map_err(other)?;
+            let event: SessionEvent = value.read().map_err(long)?;
             if event.kind == EventKind::MachineFailed.code() {
                 assembly.machine_failed(event.tick);
             }

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use gantry_tau_labcomm::{Encoder, Version};
+use gantry_tau_labcomm::{Encoder, ErrorKind, Version};
 
 use super::SampleName;
 use super::rows::{self, Samples, Sensors};
@@ -51,22 +51,12 @@ impl Ticks {
 
     /// Returns the bytes of gauges and force sensor.
     pub(super) fn encode_sensors(&mut self, sensors: Sensors<'_>) -> &[u8] {
-        let (version, names) = (self.version, rows::indexed(self.version, &self.names));
-        let mut encoder = Encoder::new(version, self.buffer.as_mut_slice());
-        let written = rows::write_sensors(&mut encoder, names, sensors);
-        debug_assert_eq!(written, Ok(()), "a tick has room");
-        let length = encoder.len();
-        self.buffer.get(..length).unwrap_or_default()
+        self.written(|encoder, names| rows::write_sensors(encoder, names, sensors))
     }
 
     /// Returns the bytes of events alone.
     pub(super) fn encode_events<'e>(&mut self, events: impl IntoIterator<Item = &'e Event>) -> &[u8] {
-        let (version, names) = (self.version, rows::indexed(self.version, &self.names));
-        let mut encoder = Encoder::new(version, self.buffer.as_mut_slice());
-        let written = rows::write_events(&mut encoder, names, events);
-        debug_assert_eq!(written, Ok(()), "an event has room");
-        let length = encoder.len();
-        self.buffer.get(..length).unwrap_or_default()
+        self.written(|encoder, names| rows::write_events(encoder, names, events))
     }
 
     /// Returns the bytes of a tick; gauges and force sensor only with `sensors`.
@@ -76,9 +66,16 @@ impl Ticks {
         events: &[Event],
         sensors: Option<Sensors<'_>>,
     ) -> &[u8] {
-        let (version, names) = (self.version, rows::indexed(self.version, &self.names));
-        let mut encoder = Encoder::new(version, self.buffer.as_mut_slice());
-        let written = rows::write_tick(&mut encoder, names, samples, events, sensors);
+        self.written(|encoder, names| rows::write_tick(encoder, names, samples, events, sensors))
+    }
+
+    /// Returns the bytes that `write` encodes, given the samples with their indices.
+    fn written(
+        &mut self,
+        write: impl FnOnce(&mut Encoder<'_>, &mut dyn Iterator<Item = (u32, SampleName)>) -> Result<(), ErrorKind>,
+    ) -> &[u8] {
+        let mut encoder = Encoder::new(self.version, self.buffer.as_mut_slice());
+        let written = write(&mut encoder, &mut rows::indexed(self.version, &self.names));
         debug_assert_eq!(written, Ok(()), "a tick has room");
         let length = encoder.len();
         self.buffer.get(..length).unwrap_or_default()

@@ -203,6 +203,7 @@ fn a_bad_option_is_named_with_its_range() {
         &["client", "--bogus"],
         &["bogus"],
         &["solve", "file.json"],
+        &["serve", "--labcomm-version", "2014"],
     ] {
         let line = folder.run(arguments).failure(2);
         assert!(line.starts_with("error: "), "{line}");

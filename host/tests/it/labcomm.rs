@@ -174,10 +174,19 @@ fn a_line_that_cannot_be_encoded_is_named() {
         ),
         (r#"{"at":3,"error":{"kind":"limit"}}"#, "line 2: the recording ends with an error: {\"kind\":\"limit\"}"),
         (r#"{"value":3}"#, "line 2: expected \"define\" or \"sample\""),
+        (
+            r#"{"define":{"bytes":"+f"},"type":"int"}"#,
+            "line 2: expected a text or {\"bytes\":\"hex\"}, got {\"bytes\":\"+f\"}",
+        ),
     ] {
         assert_eq!(refused(line), reason);
     }
     assert!(refused("nonsense").starts_with("line 2: not JSON: "));
+    for (ty, digits) in [("float", "+1234567"), ("double", "+123456789abcdef")] {
+        let lines = format!("{{\"define\":\"f\",\"type\":\"{ty}\"}}\n{{\"sample\":\"f\",\"value\":\"{digits}\"}}");
+        let reason = format!("line 2: expected a value of type {ty}, got \"{digits}\"");
+        assert_eq!(encoded(Version::V2014, &lines).unwrap_err(), reason);
+    }
 }
 
 #[test]
@@ -196,6 +205,57 @@ fn the_schema_is_made_of_the_types_that_are_sent() {
         assert!(three.contains(line), "{three}");
     }
     assert_eq!(schema::<6>(), three.replace("axis[3]", "axis[6]").replace("state[3]", "state[6]"));
+}
+
+/// A byte of each element becomes 1900 of text: 190 MB, where the limit is 128 MiB.
+#[test]
+fn a_value_with_too_long_a_text_ends_the_stream_with_an_error() {
+    let name = "n".repeat(1_900);
+    let define = |ty: &Value| json!({"define": "v", "index": 128, "type": ty}).to_string();
+    let ty = json!(["array", [0], ["struct", [[name, "byte"]]]]);
+    let mut bytes = encoded(Version::V2006, &define(&ty)).unwrap();
+    let before = bytes.len();
+    bytes.extend([128_u32.to_be_bytes(), 100_000_u32.to_be_bytes()].concat());
+    bytes.extend([7; 100_000]);
+    let (events, is_whole) = decoded(&bytes, false);
+    assert!(!is_whole);
+    assert_eq!(events.len(), 2);
+    assert_eq!(events[1]["at"], before);
+    assert_eq!(events[1]["error"]["kind"], "limit");
+    let message = events[1]["error"]["message"].as_str().unwrap();
+    assert!(message.starts_with("the text of a value is longer than 134217728 bytes"), "{message}");
+}
+
+#[test]
+fn errors_name_the_file() {
+    let folder = Folder::new("labcomm-errors");
+    let said = folder.run(&["labcomm", "decode", "."]).failure(1);
+    assert!(said.contains(".: "), "{said}");
+    folder.write("bad.jsonl", "{}\n{}\n");
+    let said = folder.run(&["labcomm", "encode", "bad.jsonl"]).failure(1);
+    assert!(said.contains("bad.jsonl: line 1: expected"), "{said}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_standard_output_is_told() {
+    let (_, stream) = streams().swap_remove(0);
+    let folder = Folder::new("labcomm-full");
+    std::fs::write(folder.path("stream"), bytes(&stream["hex"])).unwrap();
+    folder.write("lines", "{\"define\":\"a\",\"type\":\"int\"}\n");
+    for arguments in [["decode", "stream"], ["encode", "lines"], ["schema", "--robot=l2"]] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_gantry-tau"))
+            .arg("labcomm")
+            .args(arguments)
+            .current_dir(folder.path("."))
+            .stdout(File::create("/dev/full").unwrap())
+            .stderr(Stdio::piped())
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains("standard output: No space left on device"), "{said}");
+    }
 }
 
 #[test]

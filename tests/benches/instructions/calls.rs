@@ -202,7 +202,7 @@ fn a_force() -> ForceSensor {
     ForceSensor([360.0, -12.5, 0.0, 0.25, -1.0, 3.0])
 }
 
-/// The value of an event, by the type that its definition was found to be.
+/// `Value::read` alone: the value of an event that was decoded before, by the type that its definition was found to be.
 fn labcomm_read_force() {
     let (mut decoder, sample) = a_stream();
     let Ok(Decoded::Event { event: LabCommEvent::Data { value, .. }, .. }) = decoder.decode(&sample) else {
@@ -212,7 +212,7 @@ fn labcomm_read_force() {
     assert_eq!(black_box(measured(|| value.read::<ForceSensor>())), Ok(a_force()));
 }
 
-/// The event and its value.
+/// `Decoder::decode` and `Value::read`: the event and its value.
 fn labcomm_decode_force() {
     let (mut decoder, sample) = black_box(a_stream());
     let read = measured(|| match decoder.decode(&sample) {

@@ -158,10 +158,8 @@ impl Minutes {
             let sanitized = std::env::var_os("GANTRY_TAU_SANITIZED").is_some();
             assert!(sanitized || late.memory_kib <= most, "memory leaks: {self:?}");
         }
-        // Fewer where a test beside this one has ended meanwhile.
         let files = |footprint: Option<Footprint>| footprint.map(|footprint| footprint.files);
         assert!(files(self.after).is_some() == files(self.before).is_some(), "{self:?}");
-        // Tests beside it may have closed theirs meanwhile.
         assert!(files(self.after) <= files(self.before), "{self:?}");
     }
 }

@@ -14,7 +14,8 @@
 #[allow(dead_code, reason = "the tests of the host need all of it")]
 mod double;
 
-use std::net::SocketAddr;
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -46,7 +47,11 @@ pub(crate) fn trials() -> Vec<Trial> {
         }
         Trial::test(name, run).with_kind(kind).with_ignored_flag(true)
     };
-    vec![trial("the_page_shows_what_the_server_sends", shows), trial("the_page_is_painted", is_painted)]
+    vec![
+        trial("the_page_shows_what_the_server_sends", shows),
+        trial("the_page_forgets_what_the_server_no_longer_sends", forgets),
+        trial("the_page_is_painted", is_painted),
+    ]
 }
 
 const SCENE: Scene = Scene { offset_nm: -189_000, ..Scene::of(Phase::Obtain, Cause::HandshakeTimeout) };
@@ -68,7 +73,7 @@ fn with_page(look: impl FnOnce(SocketAddr)) {
 }
 
 /// Runs the browser on the page; returns what it prints.
-fn browser(profile: &Path, page: SocketAddr, option: &str) -> String {
+fn browser(profile: &Path, page: &str, option: &str) -> String {
     let output = Command::new("chromium")
         .args([
             "--headless",
@@ -79,7 +84,7 @@ fn browser(profile: &Path, page: SocketAddr, option: &str) -> String {
             "--timeout=5000",
         ])
         .arg(format!("--user-data-dir={}", profile.display()))
-        .args([option, &format!("http://{page}/")])
+        .args([option, page])
         .output()
         .unwrap();
     String::from_utf8_lossy(&output.stdout).into_owned()
@@ -92,13 +97,13 @@ fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// The document once the first picture has come: it may be printed before.
-fn document(page: SocketAddr) -> String {
-    let folder = folder("monitor-dom");
+/// The document once it contains these words: it may be printed before.
+fn document(profile: &str, page: &str, words: &str) -> String {
+    let folder = folder(profile);
     let began = Instant::now();
     loop {
         let document = browser(&folder, page, "--dump-dom");
-        if document.contains("class=\"live\"") {
+        if document.contains(words) {
             let _ = std::fs::remove_dir_all(&folder);
             return document;
         }
@@ -114,7 +119,7 @@ fn text_of<'a>(document: &'a str, id: &str) -> &'a str {
 
 fn shows() -> Result<(), Failed> {
     with_page(|page| {
-        let document = document(page);
+        let document = document("monitor-dom", &format!("http://{page}/"), "class=\"live\"");
         // What `--status` prints for this scene is compared with the same numbers in `host/tests/it/monitor`.
         let texts = [
             ("phase", "obtain"),
@@ -167,6 +172,44 @@ fn shows() -> Result<(), Failed> {
     Ok(())
 }
 
+/// Body of the answer to GET.
+fn get(page: SocketAddr, resource: &str) -> String {
+    let mut stream = TcpStream::connect(page).unwrap();
+    write!(stream, "GET {resource} HTTP/1.1\r\nHost: {page}\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer.split_once("\r\n\r\n").unwrap().1.to_owned()
+}
+
+/// The page from a file, its stream replaced by two pictures: a server of six axes, then one of three that measures no force.
+fn forgets() -> Result<(), Failed> {
+    with_page(|page| {
+        let began = Instant::now();
+        let status = loop {
+            let status = get(page, "/status");
+            if status.contains("\"axes\"") {
+                break status;
+            }
+            assert!(began.elapsed() < PATIENCE, "{status}");
+        };
+        let take = "const picture_of = (status) => ({ live: true, server: '', figure: null, point: [0, status.phase, []], status });
+            take(picture_of({ ...three, axes: [...three.axes, ...three.axes] }));
+            document.body.dataset.rows = element('axes').tBodies[0].rows.length + ': ' + element('force_text').textContent;
+            take(picture_of({ ...three, force: null }));
+            document.body.dataset.taken = 'true';";
+        let text = get(page, "/").replace("\nlisten();\n", &format!("\nconst three = {status};\n{take}\n"));
+        let folder = folder("monitor-forgets");
+        let file = folder.join("page.html");
+        std::fs::write(&file, text).unwrap();
+        let document = document("monitor-file", &format!("file://{}", file.display()), "data-taken=\"true\"");
+        assert!(document.contains("data-rows=\"6: 300.3  −0.5"), "{document}");
+        assert_eq!(document.matches("class=\"swatch\"").count(), 3);
+        assert_eq!(text_of(&document, "force_text"), "not measured");
+        let _ = std::fs::remove_dir_all(&folder);
+    });
+    Ok(())
+}
+
 /// The picture is larger than an empty page compresses to: the machine is on it. How it looks is judged by people.
 fn is_painted() -> Result<(), Failed> {
     with_page(|page| {
@@ -176,7 +219,7 @@ fn is_painted() -> Result<(), Failed> {
         let painted = || std::fs::metadata(&file).map_or(0, |file| file.len());
         while painted() < 60_000 {
             assert!(began.elapsed() < PATIENCE, "{} bytes", painted());
-            browser(&folder, page, &format!("--screenshot={}", file.display()));
+            browser(&folder, &format!("http://{page}/"), &format!("--screenshot={}", file.display()));
         }
         let _ = std::fs::remove_dir_all(&folder);
     });

@@ -33,8 +33,8 @@ pub(super) fn serve(mut stream: TcpStream, hub: &Hub) {
         Ok(Resource::Status) => {
             let status = hub.latest().status.clone();
             match status {
-                Some(status) => answer(&mut stream, "200 OK", "application/json", "", &(status + "\n")),
-                None => refuse(&mut stream, ("503 Service Unavailable", "the monitor has no server")),
+                Ok(status) => answer(&mut stream, "200 OK", "application/json", "", &(status + "\n")),
+                Err(trouble) => refuse(&mut stream, ("503 Service Unavailable", &trouble)),
             }
         }
         Ok(Resource::Live) => live(&mut stream, hub),
@@ -112,7 +112,7 @@ fn answer(stream: &mut TcpStream, status: &str, kind: &str, fields: &str, body: 
 }
 
 /// Refuses, and reads on for a moment: a connection closed with unread bytes is reset, and the answer lost.
-fn refuse(stream: &mut TcpStream, (status, reason): Refusal) -> io::Result<()> {
+fn refuse(stream: &mut TcpStream, (status, reason): (&str, &str)) -> io::Result<()> {
     let allow = if status.starts_with("405") { "Allow: GET\r\n" } else { "" };
     answer(stream, status, "text/plain; charset=utf-8", allow, &format!("{reason}\n"))?;
     stream.shutdown(Shutdown::Write)?;

@@ -27,8 +27,8 @@ pub(super) struct Latest {
     pub(super) last_entry: u64,
     /// The events as an event.
     pub(super) events: Shared,
-    /// The object of `monitor --status`; `None` without a server.
-    pub(super) status: Option<String>,
+    /// The object of `monitor --status`, or the reason for which there is no tick.
+    pub(super) status: Result<String, String>,
     /// Points of the plot, JSON, with their times.
     history: VecDeque<(f64, String)>,
     pub(super) has_ended: bool,
@@ -56,7 +56,7 @@ impl Hub {
             picture: Arc::new([]),
             last_entry: 0,
             events: Arc::new([]),
-            status: None,
+            status: Err(String::new()),
             history: VecDeque::new(),
             has_ended: false,
         };
@@ -104,7 +104,7 @@ impl Hub {
         while latest.history.front().is_some_and(|(earlier, _)| *earlier < at - HISTORY_S) {
             latest.history.pop_front();
         }
-        latest.status = status;
+        latest.status = status.ok_or_else(|| monitor.trouble().unwrap_or_default());
         latest.picture = picture;
         latest.number += 1;
         drop(latest);

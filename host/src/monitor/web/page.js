@@ -31,21 +31,20 @@ function showStatus(status) {
   element("share").value = status.on_time;
   const rows = element("axes").tBodies[0];
   while (rows.rows.length < status.axes.length) addRow(rows, rows.rows.length);
+  while (rows.rows.length > status.axes.length) rows.deleteRow(-1);
   status.axes.forEach((axis, index) => {
     const cells = [
       fixed(axis.nominal_nm * 1e-6, 4), fixed(axis.offset.position_nm * 1e-3, 3),
       // Offsets that nothing acts on: computed in Submit alone.
       fixed(status.phase === "submit" ? axis.shadow_nm * 1e-3 : null, 3), fixed(axis.actual.position_nm * 1e-6, 4),
       fixed(axis.lag_nm === null ? null : axis.lag_nm * 1e-3, 1), fixed(axis.actual.velocity_um_s * 1e-3, 2), fixed(axis.actual.torque_permille * 0.1, 1),
-      status.drives ? words(status.drives[index]) : "–",
+      words(status.drives?.[index] ?? "–"),
     ];
     cells.forEach((text, column) => { const cell = rows.rows[index].cells[column + 1]; if (cell.textContent !== text) cell.textContent = text; });
     rows.rows[index].cells[0].querySelector(".flags").textContent = axis.flags.map(words).join(", ");
   });
-  if (status.force) {
-    const [fx, fy, fz, mx, my, mz] = status.force;
-    show("force_text", `${[fx, fy, fz].map((v) => fixed(v, 1)).join("  ")} N · ${[mx, my, mz].map((v) => fixed(v, 2)).join("  ")} N m`);
-  }
+  const joined = (vector, digits) => vector.map((v) => fixed(v, digits)).join("  ");
+  show("force_text", status.force ? `${joined(status.force.slice(0, 3), 1)} N · ${joined(status.force.slice(3), 2)} N m` : "not measured");
   const micro = (vector) => (vector ? vector.map((v) => fixed(v * 1e6, 1)).join("  ") : "not measured");
   show("displacement", `${micro(status.displacement_m)}${status.displacement_m ? " µm" : ""}`);
   show("turn", `turn ${micro(status.turn_rad)}${status.turn_rad ? " µrad" : ""}`);

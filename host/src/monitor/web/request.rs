@@ -71,12 +71,13 @@ fn is_own(host: &[u8], local: SocketAddr) -> bool {
     let port = local.port();
     let (name, given) = match host.rsplit_once(':') {
         // `[::1]` without a port ends in a bracket.
-        Some((name, digits)) if !digits.ends_with(']') => (name, digits.parse().ok()),
-        _ => (host, Some(80)),
+        Some((name, digits)) if !digits.ends_with(']') => (name, digits),
+        _ => (host, "80"),
     };
     let address = SocketAddr::new(local.ip().to_canonical(), port).to_string();
     let own = address.rsplit_once(':').map_or("", |(own, _)| own);
-    given == Some(port) && (name.eq_ignore_ascii_case("localhost") || name.eq_ignore_ascii_case(own))
+    // As text, in the one form that a browser sends: a number may have a sign and zeros.
+    given == port.to_string() && (name.eq_ignore_ascii_case("localhost") || name.eq_ignore_ascii_case(own))
 }
 
 #[cfg(test)]
@@ -117,6 +118,8 @@ mod tests {
             "127.0.0.2:8080",
             "evil@localhost:8080",
             "0.0.0.0:8080",
+            "localhost:+8080",
+            "localhost:08080",
         ];
         for host in others {
             let head = format!("GET / HTTP/1.1\r\nHost: {host}\r\n\r\n");

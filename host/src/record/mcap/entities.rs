@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::draw::figure::Figure;
 use crate::draw::scene::{Arm, Scene};
 
-/// Magnification of offsets and displacement, as on the monitor's page at first.
+/// Magnification of offsets and displacement: 0.1 mm is drawn as 100 mm. (The monitor's page has its own, chosen there.)
 pub(super) const FACTOR: f64 = 1_000.0;
 /// Frame of all entities: the world of the robot file.
 const FRAME: &str = "world";

@@ -7,8 +7,8 @@ mod web;
 
 use double::{Double, FIRST_TICK, HOME_NM, Scene};
 use gantry_tau_core::control::message::{Cause, Phase};
-use gantry_tau_labcomm::samples::{Axes, State};
-use gantry_tau_labcomm::{Encoder, Field, Version};
+use gantry_tau_labcomm::samples::{Axes, SessionEvent, State};
+use gantry_tau_labcomm::{Encoder, Field, Text, Version};
 use serde_json::{Value, json};
 
 use crate::process::{Ended, Folder};
@@ -137,18 +137,85 @@ fn a_port_with_other_samples_is_told_by_name() {
         encoder.data(0x80, &State { phase: 9, ..State::ZERO }).unwrap();
         encoder.data(0x81, &Axes::<3>::ZERO).unwrap();
     });
+    let long_text = [
+        stream(|encoder| {
+            encoder.define::<State>(0x80).unwrap();
+            encoder.define::<Axes<3>>(0x81).unwrap();
+            encoder.define::<SessionEvent>(0x82).unwrap();
+        }),
+        // Index, tick, kind and cause; the text's length, and the text.
+        [&[0, 0, 0, 0x82][..], &[0; 10], &[0, 0, 1, 1], &[b'x'; 257]].concat(),
+    ]
+    .concat();
     let cases = [
+        (long_text, "a sample `session_event` with a text above 256 bytes"),
         (state_only, "does not publish the sample `axes`"),
         (other_state, "a sample `state` of another type"),
         (unknown_phase, "phase 9, which is unknown"),
         (b"HTTP/1.1 400 Bad Request\r\n\r\n".to_vec(), "does not send LabComm"),
         (vec![0; 4_096], "does not send LabComm"),
-        (Vec::new(), "sent no tick"),
+        (Vec::new(), "it may have four readers"),
     ];
     for (bytes, words) in cases {
         let said = status(&folder, &Double::of_bytes(bytes)).failure(6);
         assert!(said.contains(words), "{said}");
     }
+}
+
+/// Bytes of definitions, then of these events, then of ticks 1 to `ticks`.
+fn events_then_ticks(events: impl Iterator<Item = (i64, String)>, ticks: i64) -> Vec<u8> {
+    let define = stream(|encoder| {
+        encoder.define::<State>(0x80).unwrap();
+        encoder.define::<Axes<3>>(0x81).unwrap();
+        encoder.define::<SessionEvent>(0x82).unwrap();
+    });
+    let events = events.map(|(tick, text)| {
+        let event = SessionEvent { tick, kind: 0, cause: 0, text: Text::cut(&text) };
+        stream(|encoder| encoder.data(0x82, &event).unwrap())
+    });
+    let ticks = (1..=ticks).map(|tick| {
+        stream(|encoder| {
+            encoder.data(0x80, &State { tick, ..State::ZERO }).unwrap();
+            encoder.data(0x81, &Axes::<3> { tick, ..Axes::ZERO }).unwrap();
+        })
+    });
+    std::iter::once(define).chain(events).chain(ticks).flatten().collect()
+}
+
+/// 60 events at once, of which a monitor keeps 50: the others are counted, and no order is changed.
+#[test]
+fn the_events_of_a_status_are_logged_in_their_order() {
+    let folder = Folder::new("monitor_order");
+    let events = (0..60).map(|number| (1, format!("event {number};")));
+    let double = Double::of_bytes(events_then_ticks(events, 3));
+    let mut monitor = folder.start("run", &["monitor", &double.address.to_string(), "--status", "--every", "0.05"]);
+    monitor.await_words("connected to");
+    let said = monitor.stop().stderr;
+    let number = |line: &str, before: &str, after: &str| -> Option<usize> {
+        line.split_once(after)?.0.rsplit_once(before)?.1.parse().ok()
+    };
+    let shown: Vec<usize> = said.lines().filter_map(|line| number(line, "event ", ";")).collect();
+    let lost: usize = said.lines().filter_map(|line| number(line, " ", " events before this one")).sum();
+    assert_eq!(shown.last(), Some(&59), "{said}");
+    assert!(shown.windows(2).all(|pair| pair[0] < pair[1]), "{said}");
+    assert_eq!(shown.len() + lost, 60, "{said}");
+}
+
+/// Events of a tick that is far ahead, and more than a row has room for: some are recorded, and the others counted.
+#[test]
+fn events_that_wait_for_their_tick_are_bounded() {
+    let folder = Folder::new("monitor_waiting");
+    let events = (0..1_000).map(|_| (20, "x".repeat(256)));
+    let double = Double::of_bytes(events_then_ticks(events, 60));
+    let address = double.address.to_string();
+    let arguments = ["monitor", &address, "--status", "--every", "0.05", "--record", "waiting.labcomm"];
+    let mut monitor = folder.start("run", &arguments);
+    monitor.await_words("\"tick\":60");
+    let said = monitor.stop().stderr;
+    assert!(said.contains("936 events are not in the recording"), "{said}");
+    let lines = folder.run(&["labcomm", "decode", "waiting.labcomm"]).success();
+    assert_eq!(lines.matches("\"sample\":\"session_event\"").count(), 64);
+    assert_eq!(lines.matches("\"sample\":\"axes\"").count(), 60);
 }
 
 #[test]

@@ -10,11 +10,13 @@ use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::lockstep::{Lockstep, PULLED, SETTLED, Session, displacement_m, stream};
 use super::reader::{RESOLUTION_M, floats};
-use super::stream::{Counts, Decoy, Doubles, Program, unknown};
+use super::stream::{Counts, Decoy, Doubles, Program, Unknown, unknown};
 
 const VERSIONS: [Version; 3] = [Version::V2006, Version::V2014, Version::V2014_0];
 /// Ticks of a session.
 const TICKS: usize = PULLED + SETTLED;
+/// States that a client answers without its first sample.
+const FIRST_SAMPLE_STATES: usize = 1_000;
 /// Tick in which the stream of a session goes wrong: the offsets have not settled, so that every change of the force would show.
 const WRONG: usize = PULLED + 20;
 /// States that the last sample serves, as the client's documentation says.
@@ -65,7 +67,7 @@ fn a_stream_with_samples_that_a_client_does_not_know_compensates_as_well() {
                 program.send(|encoder| {
                     encoder.version()?;
                     encoder.define::<Decoy>(first)?;
-                    encoder.define::<super::stream::Unknown>(first + 2)
+                    encoder.define::<Unknown>(first + 2)
                 });
             }
             // The force is defined later than the first sample of another kind, and then again, as peers do.
@@ -111,6 +113,7 @@ enum Wrong {
     DefinesAnotherType,
     IsGarbage,
     HasTheWrongType,
+    HasAnotherName,
 }
 
 /// Runs a client whose stream goes wrong.
@@ -118,14 +121,19 @@ fn session(version: Version, wrong: Wrong) -> Session {
     let mut server = Lockstep::start(Vec::new());
     let mut program = Program::of(version);
     let (source, index) = (program.source(), program.first());
-    server.session(source, TICKS, |tick, row| {
+    let ticks = if wrong == Wrong::HasAnotherName { FIRST_SAMPLE_STATES + SETTLED } else { TICKS };
+    server.session(source, ticks, |tick, row| {
         let force = ForceSensor(floats(row));
         match (tick, wrong) {
             (0, Wrong::HasTheWrongType) => program.send(|encoder| {
                 encoder.version()?;
                 encoder.define::<Counts>(index)
             }),
-            (_, Wrong::HasTheWrongType) => {}
+            (0, Wrong::HasAnotherName) => program.send(|encoder| {
+                encoder.version()?;
+                encoder.define::<Unknown>(index)
+            }),
+            (_, Wrong::HasTheWrongType | Wrong::HasAnotherName) => {}
             (0, _) => program.send(|encoder| {
                 encoder.version()?;
                 encoder.define::<ForceSensor>(index)?;
@@ -151,7 +159,7 @@ fn a_stream_that_goes_wrong_ends_the_compensation_and_nothing_else() {
     let types =
         "has the type [\"array\",[6],\"int\"]; expected [\"array\",[6],\"float\"] or [\"array\",[6],\"double\"]";
     let cases = [
-        (Wrong::Ends, 0, "end of file"),
+        (Wrong::Ends, 0, "has closed the connection"),
         (Wrong::Stalls, SAMPLE_STATES, "none has come for too long"),
         (Wrong::StallsWithinASample, SAMPLE_STATES, "none has come for too long"),
         (Wrong::ChangesTheDefinition, 0, "is defined again, with another name or type"),
@@ -183,6 +191,13 @@ fn a_stream_of_the_wrong_type_never_obtains() {
         assert_left(&session, Wrong::HasTheWrongType, types);
         assert!(session.obtained().is_empty());
     }
+}
+
+#[test]
+fn a_stream_without_the_sample_never_obtains_and_its_names_are_told() {
+    let session = session(Version::V2014, Wrong::HasAnotherName);
+    assert_left(&session, Wrong::HasAnotherName, "does not define a sample \"forcesensor\"; it defines \"places\"");
+    assert!(session.obtained().is_empty());
 }
 
 /// The client left in good order and told `reason`; then the offsets ramped to zero, and the server listens.

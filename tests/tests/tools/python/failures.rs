@@ -1,6 +1,6 @@
 //! Controllers that fail: the server ramps to zero, and the client says why in one sentence.
 
-use std::process::Child;
+use std::process::{Child, Command};
 
 use gantry_tau_core::control::message::Cause;
 
@@ -13,6 +13,7 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("controllers_that_hang_are_left", hanging),
     ("a_controller_that_hangs_in_its_start_is_left", hanging_start),
     ("without_patience_of_the_client_the_server_ends_a_hanging_step", silence),
+    ("a_step_that_was_not_scheduled_is_not_blamed", not_scheduled),
     ("a_controller_that_ends_the_process_is_ramped_away", ending),
     ("targets_beyond_the_limits_are_cut", beyond),
 ];
@@ -29,7 +30,7 @@ pub(super) fn start(session: &Session, bad: &str, options: &str) -> Child {
 fn start_with(session: &Session, body: &str, bad: &str, options: &str) -> Child {
     let script = format!(
         r#"
-import os, sys, time
+import os, signal, sys, time
 sys.path.insert(0, {folder:?})
 import gantry_tau
 
@@ -77,6 +78,10 @@ fn nonsense() {
         ("raise ValueError('no\\nidea')", "raised ValueError: no idea (<string>, line 16); left with Goodbye"),
         ("1 / 0", "raised ZeroDivisionError: division by zero"),
         ("sys.exit(0)", "raised SystemExit: 0"),
+        (
+            "raise type('Mute', (Exception,), {'__str__': lambda error: 1 / 0})",
+            "raised Mute: its text raised ZeroDivisionError (<string>, line 16); left with Goodbye",
+        ),
         ("return [float('nan'), 0, 0]", "returned nan for axis 1: expected a finite number in nm"),
         ("return [0, float('inf'), 0]", "returned inf for axis 2"),
         ("return [0, 0, -float('inf')]", "returned -inf for axis 3"),
@@ -98,9 +103,13 @@ fn nonsense() {
     }
 }
 
-/// The second holds the interpreter's lock whenever it may.
+/// The second holds the interpreter's lock whenever it may, the third hangs in the text of its error.
 fn hanging() {
-    for bad in ["time.sleep(3600)", "\n        while True: pass"] {
+    for bad in [
+        "time.sleep(3600)",
+        "\n        while True: pass",
+        "raise type('Mute', (Exception,), {'__str__': lambda error: time.sleep(3600)})",
+    ] {
         let (cause, said) = failed(bad, "patience_s=0.3");
         assert!(said.contains("has not returned within 0.3 s; left with Goodbye"), "{bad}: {said}");
         assert_eq!(cause, Cause::Goodbye, "{bad}");
@@ -125,6 +134,25 @@ fn silence() {
         "{said}"
     );
     assert_eq!(cause, Cause::ClientLate);
+}
+
+/// The process is stopped in a step, and continued when the server has ended the session.
+fn not_scheduled() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let program = start(&session, "os.kill(os.getpid(), signal.SIGSTOP); return (20_000, 0, 0)", "patience_s=60.0");
+    assert_eq!(session.ramped(), Cause::ClientLate);
+    signal(&program, "-CONT");
+    let (code, said) = session.end_of(program);
+    assert_eq!(code, Some(6), "{said}");
+    let words = "gantry_tau: the server ended the session: no command arrived before two consecutive deadlines (the controller's longest step";
+    assert!(said.starts_with(words) && said.lines().count() == 1, "{said}");
+    session.quit();
+}
+
+/// Sends a signal, as `kill` names it.
+pub(super) fn signal(program: &Child, name: &str) {
+    let status = Command::new("kill").args([name, &program.id().to_string()]).status();
+    assert!(status.unwrap().success());
 }
 
 fn ending() {

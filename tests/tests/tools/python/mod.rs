@@ -28,9 +28,13 @@ fn folder() -> PathBuf {
 
 /// Python, with output that is read as a whole.
 fn python() -> Command {
-    let mut python = Command::new("python3");
-    // No bytecode beside the sources.
-    python.arg("-B").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut python = Command::new("env");
+    // A script's background jobs ignore SIGINT, and so would their children. No bytecode beside the sources.
+    python
+        .args(["--default-signal=INT", "python3", "-B"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
     python
 }
 

@@ -1,7 +1,7 @@
 //! Servers and sensors that are gone, taken, stopped, or talk nonsense.
 
 use std::io::{Read, Write};
-use std::net::{Shutdown, TcpListener};
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::process::Child;
 
 use gantry_tau_core::control::message::{
@@ -20,10 +20,16 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("a_second_client_is_refused", second),
     ("the_end_by_the_server_is_told", stopped),
     ("ctrl_c_leaves_with_goodbye", interrupted),
+    ("ctrl_c_before_the_welcome_leaves", interrupted_early),
+    ("an_end_by_the_server_is_told_beside_the_own_goodbye", ended_beside_goodbye),
     ("servers_that_are_gone_or_talk_nonsense_are_told", strange_servers),
     ("sensors_that_are_gone_or_silent_are_told", strange_sensors),
 ];
 
+/// Lengths of frames of a client with three axes, bytes.
+const HELLO: usize = 14;
+const COMMAND: usize = 62;
+const GOODBYE: usize = 18;
 /// Holds 20 um for ever.
 const HOLD: &str = "return (20_000, 0, 0)";
 
@@ -35,7 +41,7 @@ fn second() {
     let (code, said) = session.end_of(newcomer);
     assert_eq!((code, said.as_str()), (Some(4), "gantry_tau: refused: another client owns the session\n"));
     assert_eq!(session.rows.last().unwrap().state.phase, Phase::Obtain);
-    interrupt(&owner);
+    failures::signal(&owner, "-INT");
     assert_eq!(session.end_of(owner).0, Some(0));
     session.quit();
 }
@@ -51,16 +57,11 @@ fn stopped() {
     session.quit();
 }
 
-fn interrupt(program: &Child) {
-    let kill = std::process::Command::new("kill").args(["-INT", &program.id().to_string()]).status();
-    assert!(kill.unwrap().success());
-}
-
 fn interrupted() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
     let owner = failures::start(&session, HOLD, "");
     session.until("an offset", |row| row.state.axes[0].offsets.position.0 == 20_000);
-    interrupt(&owner);
+    failures::signal(&owner, "-INT");
     let (code, said) = session.end_of(owner);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.starts_with("left with Goodbye after "), "{said}");
@@ -68,21 +69,48 @@ fn interrupted() {
     session.quit();
 }
 
+/// The constant offset with these arguments.
+fn constant_offset(arguments: &[&str]) -> Child {
+    python().arg(folder().join("examples/constant_offset.py")).args(arguments).spawn().unwrap()
+}
+
+fn interrupted_early() {
+    let listener = TcpListener::bind(LOOPBACK).unwrap();
+    let program = constant_offset(&[&listener.local_addr().unwrap().to_string()]);
+    let (mut stream, _) = listener.accept().unwrap();
+    stream.read_exact(&mut [0; HELLO]).unwrap();
+    failures::signal(&program, "-INT");
+    let output = program.wait_with_output().unwrap();
+    let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
+    assert_eq!((output.status.code(), said.as_str()), (Some(0), "left before a session was granted\n"));
+}
+
+/// The server ends the session for another reason while the Goodbye is on its way.
+fn ended_beside_goodbye() {
+    let live = |tick| state(tick, Phase::Handshake, Cause::None);
+    let over = state(8, Phase::SafeDisconnect, Cause::ClientLate);
+    let script = vec![(HELLO, [granted(), live(6)].concat()), (COMMAND, live(7)), (COMMAND + GOODBYE, over)];
+    let (code, said) = end(&[&answering(script), "--states", "2"]);
+    let words = "gantry_tau: the server ended the session: no command arrived before two consecutive deadlines\n";
+    assert_eq!((code, said.as_str()), (Some(6), words));
+}
+
 /// Runs the constant offset to its end; returns exit code and sentence.
 fn end(arguments: &[&str]) -> (Option<i32>, String) {
-    let output = python().arg(folder().join("examples/constant_offset.py")).args(arguments).output().unwrap();
+    let output = constant_offset(arguments).wait_with_output().unwrap();
     (output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// A server that answers each Hello with these bytes, and closes.
-fn strange(answer: Vec<u8>) -> String {
+/// A server that reads so many bytes and answers with others, again and again, and closes.
+fn answering(script: Vec<(usize, Vec<u8>)>) -> String {
     let listener = TcpListener::bind(LOOPBACK).unwrap();
     let address = listener.local_addr().unwrap().to_string();
     std::thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
-        let mut hello = [0; 14];
-        stream.read_exact(&mut hello).unwrap();
-        stream.write_all(&answer).unwrap();
+        for (length, answer) in script {
+            stream.read_exact(&mut vec![0; length]).unwrap();
+            stream.write_all(&answer).unwrap();
+        }
         // A close with bytes unread would be a reset.
         stream.shutdown(Shutdown::Write).unwrap();
         let _ = stream.read_to_end(&mut Vec::new());
@@ -105,13 +133,13 @@ fn granted() -> Vec<u8> {
 }
 
 /// A State of that session.
-fn state(tick: u64) -> Vec<u8> {
+fn state(tick: u64, phase: Phase, cause: Cause) -> Vec<u8> {
     let state = State {
         tick: Tick(tick),
         epoch: Epoch(1),
         accepted: Sequence(0),
-        phase: Phase::Handshake,
-        cause: Cause::None,
+        phase,
+        cause,
         on_time_of_100: 100,
         arrival_us: 0,
         ramp_ticks_left: 0,
@@ -126,10 +154,14 @@ fn strange_servers() {
     let mut broken = refusal.to_vec();
     broken[7] ^= 1;
     let granted = granted();
-    let again = [&granted[..], &state(6), &state(6)].concat();
-    let cases: [(Vec<u8>, i32, &str); 8] = [
+    let live = state(6, Phase::Handshake, Cause::None);
+    let again = [&granted[..], &live, &live].concat();
+    // All at once, as a client reads them that was not scheduled: not the controller is to blame.
+    let late = [&granted[..], &live, &state(7, Phase::SafeDisconnect, Cause::ClientLate)].concat();
+    let cases: [(Vec<u8>, i32, &str); 9] = [
         (granted.clone(), 7, "the server vanished: it closed the connection"),
-        ([&granted[..], &state(6)].concat(), 7, "the server vanished: it closed the connection"),
+        (late, 6, "the server ended the session: no command arrived before two consecutive deadlines"),
+        ([&granted[..], &live].concat(), 7, "the server vanished: it closed the connection"),
         (again, 5, "expected a State of epoch 1 and tick 7 or later, got epoch 1, tick 6"),
         (Vec::new(), 7, "the server vanished: it closed the connection"),
         (refusal.to_vec(), 4, "refused: offsets are still ramping to zero; try again in 17 ticks"),
@@ -138,7 +170,7 @@ fn strange_servers() {
         (refusal[..7].to_vec(), 7, "the server vanished: it closed the connection"),
     ];
     for (answer, code, words) in cases {
-        let (found, said) = end(&[&strange(answer)]);
+        let (found, said) = end(&[&answering(vec![(HELLO, answer)])]);
         assert_eq!(found, Some(code), "{said}");
         assert!(said.contains(words) && said.lines().count() == 1, "{said}");
     }
@@ -151,30 +183,48 @@ fn strange_servers() {
     }
 }
 
+/// Conduct of a sensor.
+enum Sensor {
+    Closes,
+    /// Sends these bytes, and then nothing.
+    Sends(Vec<u8>),
+    /// Sends these bytes again and again, as fast as they are taken.
+    Floods(Vec<u8>),
+}
+
+impl Sensor {
+    fn serve(self, mut stream: TcpStream) {
+        match self {
+            Self::Closes => {}
+            Self::Sends(bytes) => {
+                stream.write_all(&bytes).unwrap();
+                // Held open until the client leaves.
+                let _ = stream.read(&mut [0]);
+            }
+            Self::Floods(bytes) => while stream.write_all(&bytes).is_ok() {},
+        }
+    }
+}
+
 fn strange_sensors() {
-    let nan = [&7_u64.to_le_bytes()[..], &[f64::NAN.to_le_bytes(); 6].concat()].concat();
-    let whole: Vec<u8> = [&u64::MAX.to_le_bytes()[..], &[0; 48]].concat();
-    for (bytes, words) in [
-        (None, "no force samples: the connection was closed"),
-        (Some(Vec::new()), "no force samples: no usable one has come for too long"),
-        (Some(nan), "no force samples: no usable one has come for too long"),
-        (Some(whole), "no force samples: their ticks are not the server's"),
+    let record = |tick: u64, value: f64| [&tick.to_le_bytes()[..], &[value.to_le_bytes(); 6].concat()].concat();
+    let flood = |tick, value| Sensor::Floods(record(tick, value).repeat(10_000));
+    for (sensor, words) in [
+        (Sensor::Closes, "no force samples: the connection was closed"),
+        (Sensor::Sends(Vec::new()), "no force samples: no usable one has come for too long"),
+        (Sensor::Sends(record(7, f64::NAN)), "no force samples: no usable one has come for too long"),
+        (Sensor::Sends(record(u64::MAX, 0.0)), "no force samples: their ticks are not the server's"),
+        (flood(7, f64::NAN), "no force samples: no usable one has come for too long"),
+        (flood(u64::MAX, 0.0), "no force samples: their ticks are not the server's"),
     ] {
         let mut session = Session::new(Tool::Steps(0.0, 1.0));
         let listener = TcpListener::bind(LOOPBACK).unwrap();
-        let sensor = listener.local_addr().unwrap().to_string();
-        let program = python()
-            .arg(folder().join("examples/constant_offset.py"))
-            .args([&session.addresses()[0], "--sensor", &sensor])
-            .spawn()
-            .unwrap();
-        let (mut stream, _) = listener.accept().unwrap();
-        // Held open to the end, unless it is closed at once.
-        let _held = bytes.map(|bytes| {
-            stream.write_all(&bytes).unwrap();
-            stream
-        });
+        let address = listener.local_addr().unwrap().to_string();
+        let program = constant_offset(&[&session.addresses()[0], "--sensor", &address]);
+        let (stream, _) = listener.accept().unwrap();
+        let serving = std::thread::spawn(move || sensor.serve(stream));
         let (code, said) = session.end_of(program);
+        serving.join().unwrap();
         assert_eq!(code, Some(8), "{said}");
         assert!(said.contains(words) && said.lines().count() == 1, "{said}");
         assert_eq!(session.ramped(), Cause::Goodbye);
