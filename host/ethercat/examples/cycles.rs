@@ -10,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cycles: i32 = std::env::args().nth(1).map_or(Ok(1_000), |text| text.parse())?;
     let setup = |index: u16| DriveSetup {
         identity: Identity { vendor: 1, product: 1, revision: 1, serial: index.into() },
-        alias: 1_001 + index,
+        alias: index.saturating_add(1_001),
         position: 0,
         missing: vec![],
         software_limits: (0, 0),
@@ -30,11 +30,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         needs_velocity_offset: true,
         needs_torque_offset: true,
     };
-    let mut position = 0;
-    let drives = [drive; MOTORS].map(|drive| {
-        position += 1;
-        DriveConfig { place: Place::Position(position - 1), ..drive }
-    });
+    let mut places = (0..).map(Place::Position);
+    let drives = [drive; MOTORS].map(|drive| DriveConfig { place: places.next().unwrap_or(drive.place), ..drive });
     let mut wire = EmulatedWire::new(Chain::new(&setups, Kinematic));
     let settings = Settings { cycle_us: 1_000, watchdog_cycles: 5, answer_us: 500 };
     let mut drives = Drives::bring_up(wire.clone(), &drives, settings)?;
