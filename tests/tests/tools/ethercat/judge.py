@@ -75,10 +75,11 @@ while time.monotonic() < until:
     counter = exchange()
     states = [struct.unpack("<HiihH", slave.input) for slave in slaves]
     enabled = all(state[0] & 0x6F == 0x27 for state in states)
-    offset += 5 if enabled else 0
+    offset += 5 if enabled and offset <= 1_000 else 0
     for slave, state, start in zip(slaves, states, starts):
         slave.output = struct.pack("<HiiihB", command(state[0]), start, offset, 0, 0, 8)
-    if offset > 1_000:
+    # How far a drive lags depends on how fast frames come: it has time to arrive, and to swing.
+    if offset > 1_000 and all(abs(offset - (state[1] - start)) <= 20 for state, start in zip(states, starts)):
         break
 
 offsets = [struct.unpack("<i", slave.sdo_read(0x60B0, 0))[0] for slave in slaves]
