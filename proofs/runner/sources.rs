@@ -267,17 +267,23 @@ fn needed(manifest: &Table) -> BTreeSet<String> {
     all.filter(|(_, value)| !optional(value)).map(|(name, _)| name.clone()).collect()
 }
 
-/// Packages of the lock with these names, and all that they depend on.
+/// Packages of the lock with these names, and all that they depend on; of several versions the one that is named.
 fn locked(lock: &Table, names: BTreeSet<String>) -> BTreeSet<String> {
     let packages = lock.get("package").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     let (mut found, mut left) = (BTreeSet::new(), Vec::from_iter(names));
-    while let Some(name) = left.pop() {
-        let of_name = packages.iter().filter(|package| package.get("name").and_then(Value::as_str) == Some(&name));
+    while let Some(dependency) = left.pop() {
+        let mut words = dependency.split(' ');
+        let (name, version) = (words.next(), words.next());
+        let is = |package: &Value, key: &str, word| package.get(key).and_then(Value::as_str) == Some(word);
+        let named = packages.iter().filter(|package| {
+            name.is_some_and(|name| is(package, "name", name))
+                && version.is_none_or(|version| is(package, "version", version))
+        });
         // Core's own list has its tests' dependencies too.
-        for package in of_name.filter(|package| package.get("source").is_some()) {
+        for package in named.filter(|package| package.get("source").is_some()) {
             if found.insert(package.to_string()) {
                 let below = package.get("dependencies").and_then(Value::as_array).into_iter().flatten();
-                left.extend(below.filter_map(|name| Some(name.as_str()?.split(' ').next()?.to_owned())));
+                left.extend(below.filter_map(|name| Some(name.as_str()?.to_owned())));
             }
         }
     }
