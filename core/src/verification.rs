@@ -3,3 +3,5 @@
 pub mod control;
 #[cfg(feature = "model")]
 pub mod model;
+#[cfg(feature = "position-loop")]
+pub mod position_loop;

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`axis`] | commands and reports of one axis |
 //! | [`channel`] | one bounded reference value |
+//! | [`position_loop`] | position loop outside a drive that takes velocities `[T 6.2.2]`; feature `position-loop`, default |
 //! | [`message`] | messages between client and server, as types |
 //! | [`wire`] | messages as frames of bytes |
 //! | [`session`] | the server's state machine `[T 5.1.1]` |
@@ -19,5 +20,7 @@ pub mod endpoint;
 mod fixture;
 pub mod message;
 pub mod monitor;
+#[cfg(feature = "position-loop")]
+pub mod position_loop;
 pub mod session;
 pub mod wire;
