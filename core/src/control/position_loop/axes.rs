@@ -15,6 +15,9 @@ pub struct PositionLoops<const N: usize> {
     config: [LoopConfig; N],
     #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     axes: [PositionLoop; N],
+    /// The loops before the last tick, whose references are in force if the drives did not take those of the last.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
+    before: [PositionLoop; N],
 }
 
 /// Loops as read from a file, before [`PositionLoops::is_valid`] has judged them.
@@ -25,14 +28,16 @@ struct Unchecked<const N: usize> {
     config: [LoopConfig; N],
     #[serde(with = "crate::serde_array")]
     axes: [PositionLoop; N],
+    #[serde(with = "crate::serde_array")]
+    before: [PositionLoop; N],
 }
 
 #[cfg(feature = "serde")]
 impl<const N: usize> TryFrom<Unchecked<N>> for PositionLoops<N> {
     type Error = &'static str;
 
-    fn try_from(Unchecked { config, axes }: Unchecked<N>) -> Result<Self, Self::Error> {
-        Self::from_parts(config, axes).ok_or("the state of the position loops contradicts their configuration")
+    fn try_from(Unchecked { config, axes, before }: Unchecked<N>) -> Result<Self, Self::Error> {
+        Self::from_parts(config, axes, before).ok_or("the state of the position loops contradicts their configuration")
     }
 }
 
@@ -40,21 +45,24 @@ impl<const N: usize> PositionLoops<N> {
     /// Creates loops at rest at these references. They wait for [`super::Permit::Rearm`].
     #[must_use]
     pub fn at_rest(config: [LoopConfig; N], references: [PositionNm; N]) -> Self {
-        Self { config, axes: references.map(PositionLoop::at_rest) }
+        let axes = references.map(PositionLoop::at_rest);
+        Self { config, axes, before: axes }
     }
 
-    /// Builds loops from their parts, if they satisfy the invariant.
+    /// Builds loops from their parts, those now and those before the last tick, if they satisfy the invariant.
     #[must_use]
-    pub fn from_parts(config: [LoopConfig; N], axes: [PositionLoop; N]) -> Option<Self> {
-        let loops = Self { config, axes };
+    pub fn from_parts(config: [LoopConfig; N], axes: [PositionLoop; N], before: [PositionLoop; N]) -> Option<Self> {
+        let loops = Self { config, axes, before };
         loops.is_valid().then_some(loops)
     }
 
-    /// The invariant, clause by clause: every loop is valid; all of them run, or none.
+    /// The invariant, clause by clause: every loop is valid, now and before the last tick; all of them run, or none.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        let all_valid = zip(&self.axes, &self.config).all(|(axis, config)| axis.is_valid(config));
-        all_valid && (self.is_running() || each(&self.axes).all(|axis| axis.stop().is_some()))
+        let is_valid = |axes: &[PositionLoop; N]| zip(axes, &self.config).all(|(axis, config)| axis.is_valid(config));
+        is_valid(&self.axes)
+            && is_valid(&self.before)
+            && (self.is_running() || each(&self.axes).all(|axis| axis.stop().is_some()))
     }
 
     /// Returns the loops.
@@ -84,12 +92,21 @@ impl<const N: usize> PositionLoops<N> {
     }
 
     /// Runs one tick of all axes.
-    pub fn tick(&mut self, inputs: &[LoopInput; N]) -> [VelocityReference; N] {
-        let Self { config, axes } = self;
-        let ready = (0..N).all(|index| match (axes.get(index), config.get(index), inputs.get(index)) {
-            (Some(axis), Some(config), Some(input)) => axis.is_ready(config, input),
-            _ => false,
-        });
+    ///
+    /// `accepted`: the drives took the references of the last tick. If they did not, the loops go on from those before, and stop: so what
+    /// is in force at a drive makes no step, whatever it refuses.
+    pub fn tick(&mut self, inputs: &[LoopInput; N], accepted: bool) -> [VelocityReference; N] {
+        let Self { config, axes, before } = self;
+        if !accepted {
+            *axes = *before;
+            axes.iter_mut().for_each(|axis| axis.stop_with(LoopStop::Refused));
+        }
+        *before = *axes;
+        let ready = accepted
+            && (0..N).all(|index| match (axes.get(index), config.get(index), inputs.get(index)) {
+                (Some(axis), Some(config), Some(input)) => axis.is_ready(config, input),
+                _ => false,
+            });
         let mut errors = [0_i32; N];
         for (axis, ((config, input), error)) in axes.iter_mut().zip(config.iter().zip(inputs).zip(&mut errors)) {
             if ready {
@@ -98,7 +115,7 @@ impl<const N: usize> PositionLoops<N> {
             *error = axis.observe(config, input);
         }
         if each(axes).any(|axis| axis.stop().is_some()) {
-            axes.iter_mut().for_each(PositionLoop::stop_with_others);
+            axes.iter_mut().for_each(|axis| axis.stop_with(LoopStop::OtherAxis));
         }
         let mut references = [VelocityReference::default(); N];
         let inputs = inputs.iter().zip(&errors);

@@ -68,6 +68,8 @@ pub enum LoopStop {
     FollowingError,
     /// Another axis has stopped.
     OtherAxis,
+    /// The drives did not take the last references.
+    Refused,
 }
 
 /// Input of one tick.
@@ -254,9 +256,9 @@ impl PositionLoop {
         error.unwrap_or(0)
     }
 
-    /// Stops the loop because another axis has stopped.
-    pub(super) fn stop_with_others(&mut self) {
-        self.parts.stop = self.parts.stop.or(Some(LoopStop::OtherAxis));
+    /// Stops a loop that runs.
+    pub(super) fn stop_with(&mut self, stop: LoopStop) {
+        self.parts.stop = self.parts.stop.or(Some(stop));
     }
 
     /// Second half of a tick: follows the reference, or ramps to rest.

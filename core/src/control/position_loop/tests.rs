@@ -284,28 +284,50 @@ fn axes_stop_together_and_run_together() {
     };
     assert_eq!(loops.stop(), Some((0, LoopStop::NotPermitted)));
     let rearmed = |actual| all(Permit::Rearm, actual);
-    loops.tick(&rearmed([Some(0), Some(-3_000_000)]));
+    loops.tick(&rearmed([Some(0), Some(-3_000_000)]), true);
     assert!(!loops.is_running() && loops.is_valid(), "one is too far away");
-    loops.tick(&rearmed([Some(0), Some(-1_000_000)]));
+    loops.tick(&rearmed([Some(0), Some(-1_000_000)]), true);
     assert!(loops.is_running() && loops.stop().is_none());
     for _ in 0..5 {
-        loops.tick(&all(Permit::Run, [Some(1_000_000), Some(-1_000_000)]));
+        loops.tick(&all(Permit::Run, [Some(1_000_000), Some(-1_000_000)]), true);
     }
     let moving = loops.axes().map(|axis| axis.parts().velocity.count());
-    let out = loops.tick(&all(Permit::Run, [None, Some(-1_000_000)]));
+    let out = loops.tick(&all(Permit::Run, [None, Some(-1_000_000)]), true);
     assert_eq!(out.map(|axis| axis.velocity.0), moving.map(|velocity| velocity - velocity.signum() * 10_000));
     assert_eq!(loops.stop(), Some((0, LoopStop::NoActual)));
     assert_eq!(loops.axes()[1].stop(), Some(LoopStop::OtherAxis));
     assert!(loops.is_valid() && !loops.is_at_rest());
     let mut ticks = 0;
     while !loops.is_running() {
-        loops.tick(&rearmed([Some(0); 2]));
+        loops.tick(&rearmed([Some(0); 2]), true);
         ticks += 1;
         assert!(ticks < 100 && loops.is_valid());
     }
     let one_runs = [*running(&config[0]).parts(), *PositionLoop::at_rest(PositionNm(0)).parts()];
     let one_runs = one_runs.map(|parts| PositionLoop::from_parts(parts, &config[0]).unwrap());
-    assert!(PositionLoops::from_parts(config, one_runs).is_none());
+    assert!(PositionLoops::from_parts(config, one_runs, one_runs).is_none());
     let histories: Vec<_> = loops.axes().iter().map(|axis| axis.parts().history).collect();
     assert_eq!(histories, [[PositionNm(0); HISTORY]; 2]);
+}
+
+#[test]
+fn refused_references_are_not_in_force() {
+    let config = [config(values()); 2];
+    let mut loops = PositionLoops::at_rest(config, [PositionNm(0); 2]);
+    let far = |permit| [LoopInput { permit, ..input(0, -1_000_000) }; 2];
+    loops.tick(&far(Permit::Rearm), true);
+    let mut in_force = [0; 2];
+    for _ in 0..4 {
+        in_force = loops.tick(&far(Permit::Run), true).map(|axis| axis.velocity.0);
+    }
+    // Refused from here on: the drives keep what they have, and the next references begin there.
+    for refused in 0..50 {
+        let out = loops.tick(&far(Permit::Run), refused == 0).map(|axis| axis.velocity.0);
+        let step = if refused == 0 { 10_000 } else { -10_000 };
+        assert_eq!(out, in_force.map(|velocity| velocity + step), "{refused}");
+        assert!(loops.is_valid());
+    }
+    assert_eq!(loops.stop(), Some((0, LoopStop::Refused)));
+    let rearmed = loops.tick(&far(Permit::Rearm), true).map(|axis| axis.velocity.0);
+    assert_eq!(rearmed, in_force.map(|velocity| velocity - 20_000), "accepted again: on to rest, and no re-arm before");
 }
