@@ -58,7 +58,6 @@ impl Serve {
         use gantry_tau::ethercat::{EthercatError, EthercatPlant, emulated_bus};
         use gantry_tau::robot_file::Ethercat;
         use gantry_tau::sim::load_generator::load_generator;
-        use gantry_tau::sim::parameters::Motion;
 
         let motion = |start_m| self.motion_from(start_m);
         if let PlantChoice::Interface(interface) = &self.plant {
@@ -70,10 +69,9 @@ impl Serve {
             return self.serve(robot, plant, allowed, |_| faults.write());
         }
         let (hand, tool) = load_generator();
-        let machine = robot.simulated_machine::<M>(tool, Motion::Hold)?;
         let emulated = || Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
         let section = robot.ethercat.clone().unwrap_or_else(emulated);
-        let bus = emulated_bus(robot, &section, machine)?;
+        let bus = emulated_bus(robot, &section, tool)?;
         let mut plant = EthercatPlant::<_, N, M>::open(robot, &section, bus, motion)?;
         let mut faults = plant.fault_log();
         let mut load = self.load(hand);

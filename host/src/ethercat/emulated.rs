@@ -7,9 +7,11 @@ use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, 
 use super::open::EthercatError;
 use super::plant::{Machine, Motor};
 use crate::model::MachineKind;
-use crate::plant::{Plant, ToolReading};
+use crate::plant::{Plant, PlantError, ToolReading};
 use crate::robot_file::{Ethercat, RobotFile};
+use crate::sim::load_generator::AppliedLoad;
 use crate::sim::machine::SimulatedMachine;
+use crate::sim::parameters::Motion;
 
 /// Following error at which an emulated drive trips, m, and the time for it, ms.
 const FOLLOWING_ERROR_M: f64 = 2e-3;
@@ -29,6 +31,8 @@ pub struct EmulatedMachine<const N: usize, const M: usize> {
     braked: [Option<Reference>; M],
     parts: [InForce; N],
     tool: Option<ToolReading>,
+    /// Reason for which the last step gave no measurements.
+    failure: Option<PlantError>,
 }
 
 impl<const N: usize, const M: usize> Process for EmulatedMachine<N, M> {
@@ -52,9 +56,15 @@ impl<const N: usize, const M: usize> Process for EmulatedMachine<N, M> {
             *reference = braked.unwrap_or(commanded);
         }
         let parts = self.parts;
-        // The simulated machine takes every reference; it fails only under loads beyond its springs, and stands still then.
-        let Ok(reading) = self.machine.write(&references, &parts).and_then(|()| self.machine.read(1)) else { return };
-        self.tool = reading.tool;
+        let reading = match self.machine.write(&references, &parts).and_then(|()| self.machine.read(1)) {
+            Ok(reading) => reading,
+            // Loads beyond its springs: the motors' positions are not known then.
+            Err(failure) => {
+                (self.failure, self.tool) = (Some(failure), None);
+                return;
+            }
+        };
+        (self.failure, self.tool) = (None, reading.tool);
         for (units, drive) in self.motors.iter().zip(drives) {
             let Some(actual) = reading.actual.get(units.axis) else { continue };
             let motor = drive.drive_mut().motor_mut();
@@ -74,18 +84,31 @@ impl<const N: usize, const M: usize> Machine<N> for EmulatedBus<N, M> {
     fn tool(&mut self) -> Option<ToolReading> {
         self.bench().chain.process_mut().tool
     }
+
+    fn failure(&mut self) -> Option<PlantError> {
+        self.bench().chain.process_mut().failure
+    }
 }
 
-/// Builds a bus of the drives of a robot file in front of a simulated machine, which stands at home.
+/// Builds a bus of the drives of a robot file in front of a simulated machine, which stands at home under the load of `tool`.
+///
+/// The emulated drives are the drives, with states and supervision of their own: the machine behind them has ideal ones, and `[drives]`
+/// of the file is not used.
 ///
 /// # Errors
-/// [`EthercatError`] for drives that the file gives other positions than the order of the motors.
+/// [`EthercatError`] for drives that the file gives other positions than the order of the motors, and for a file without a simulation.
 pub fn emulated_bus<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
     section: &Ethercat,
-    mut machine: SimulatedMachine<N, M>,
+    tool: AppliedLoad,
 ) -> Result<EmulatedBus<N, M>, EthercatError> {
     let other = |error: &dyn std::fmt::Display| EthercatError::Other(error.to_string());
+    if robot.drives.is_some() {
+        tracing::warn!("{}: drives: not used; the emulated drives of the bus take their place", robot.name);
+    }
+    let ideal = RobotFile { drives: None, ..robot.clone() };
+    let machine = ideal.simulated_machine::<M>(tool, Motion::Hold);
+    let mut machine: SimulatedMachine<N, M> = machine.map_err(|error| other(&error))?;
     let map = robot.motor_map::<M>().map_err(|error| other(&error))?;
     let parts = machine.in_force().map_err(|error| other(&error))?;
     let mut motors = Vec::new();
@@ -121,6 +144,6 @@ pub fn emulated_bus<K: MachineKind<N>, const N: usize, const M: usize>(
     let Ok(motors) = <[Motor; M]>::try_from(motors) else {
         return Err(EthercatError::NoSection { file: robot.name.clone() });
     };
-    let machine = EmulatedMachine { machine, motors, braked: [None; M], parts, tool: None };
+    let machine = EmulatedMachine { machine, motors, braked: [None; M], parts, tool: None, failure: None };
     Ok(EmulatedWire::new(Chain::new(&setups, machine)))
 }

@@ -102,7 +102,18 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
         let nominal = in_force.map(|in_force| in_force.nominal);
         let path =
             Interpolator::new(nominal.map(metres), &motion(nominal.map(metres))).map_err(|error| other(&error))?;
-        Ok(Self { drives, motors, path, taken: true, held: false, nominal, in_force, last: Ok(()), faults: None })
+        Ok(Self {
+            drives,
+            motors,
+            path,
+            taken: true,
+            held: false,
+            nominal,
+            in_force,
+            last: Ok(()),
+            failure: None,
+            faults: None,
+        })
     }
 }
 

@@ -26,6 +26,11 @@ pub trait Machine<const N: usize>: Wire {
     fn tool(&mut self) -> Option<ToolReading> {
         None
     }
+
+    /// Returns the reason for which the measurements of the last exchange are old although the drives gave them. Interfaces know of none.
+    fn failure(&mut self) -> Option<PlantError> {
+        None
+    }
 }
 
 impl<const N: usize> Machine<N> for RawSocket {}
@@ -79,6 +84,8 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
     pub(super) in_force: [InForce; N],
     /// Outcome of the last exchange.
     pub(super) last: Result<(), Fault>,
+    /// Reason for which its measurements are old nevertheless.
+    pub(super) failure: Option<PlantError>,
     pub(super) faults: Option<rtrb::Producer<Fault>>,
 }
 
@@ -197,6 +204,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
         self.drives.wire_mut().begin_cycles(elapsed, CYCLE_US.into());
         self.last.map_err(|fault| failed(&fault))?;
+        self.failure.map_or(Ok(()), Err)?;
         if self.taken && !self.held && self.drives.condition() == Condition::Running {
             // One cycle of the path for each one that the drives took: neither a delay nor a lost frame makes a leap.
             self.path.advance();
@@ -227,6 +235,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
         let beyond = PlantError { operation: OPERATION, reason: "a reference is beyond the range of its drive" };
         let wanted = wanted.ok_or(beyond)?;
         let outcome = self.drives.cycle(&wanted);
+        self.failure = self.drives.wire_mut().failure();
         self.note(outcome);
         outcome.map_err(|fault| failed(&fault))?;
         if is_running {

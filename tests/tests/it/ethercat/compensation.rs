@@ -1,7 +1,7 @@
 //! The demo's compensation over the emulated bus: the same limits as without it.
 
 use gantry_tau::demo::{DemoOptions, PaceChoice, run_on};
-use gantry_tau::ethercat::{EthercatError, EthercatPlant, emulated_bus};
+use gantry_tau::ethercat::{EthercatPlant, emulated_bus};
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::tick_source::TickSource;
@@ -24,9 +24,7 @@ fn compensates<K: MachineKind<N>, const N: usize, const M: usize>(robot: RobotFi
         black_box: None,
     };
     let results = run_on(&options, |robot, tool| {
-        let machine = robot.simulated_machine::<M>(tool, Motion::Hold);
-        let machine = machine.map_err(|error| EthercatError::Other(error.to_string()))?;
-        let bus = emulated_bus(robot, &section(robot), machine)?;
+        let bus = emulated_bus::<_, N, M>(robot, &section(robot), tool)?;
         EthercatPlant::<_, N, M>::open(robot, &section(robot), bus, |_| Motion::Hold)
     });
     std::fs::remove_file(&report).unwrap();

@@ -1,15 +1,17 @@
 //! What a bus and its drives do wrong: stop and cause as stated, nothing stale, no jump, back by a re-arm only.
 
+use gantry_tau::ethercat::emulated_bus;
 use gantry_tau::plant::DriveState;
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
 use gantry_tau::server::cycle::Row;
+use gantry_tau::sim::load_generator::{Load, load_generator};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
 use gantry_tau_ethercat::Fault;
 use gantry_tau_ethercat::emulation::Faults;
 use gantry_tau_tests::client::Client;
 
-use super::{Server, bus};
+use super::{Server, bus, section};
 
 /// Largest step of a drive's own reference: 0.1 m/s, an offset's step of 5 µm, and rounding.
 const STEP_NM: i64 = 105_020;
@@ -208,4 +210,49 @@ fn a_killed_server_and_its_successor() {
     let row = again.tick();
     assert_eq!(row.state.axes.map(|axis| axis.offsets), [Offsets::ZERO; 3]);
     assert!(bus.bench().chain.drives().all(|drive| drive.object(0x60B0, 0) == 0));
+}
+
+/// A machine behind the drives that stops, or whose springs find no equilibrium: none of its measurements is handed out as fresh.
+/// Simulated drives with supervision of their own (`[drives]`) would be such a machine; the emulated drives are the only ones there.
+#[test]
+fn a_machine_that_stops_behind_the_drives() {
+    let text = text_of("l2").unwrap().replacen("[simulation]", "[drives]\n\n[simulation]", 1);
+    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("supervised.toml", &text).unwrap() else { panic!() };
+    assert!(robot.drives.is_some());
+    let (mut hand, tool) = load_generator();
+    let bus = emulated_bus::<_, 3, 3>(&*robot, &section(&*robot), tool).unwrap();
+    let mut server = Server::on(&*robot, &bus, 0.0);
+    for _ in 0..200 {
+        server.tick();
+    }
+    for force_n in [8_000.0, 1e5] {
+        let pull = hand.set(&Load { step: 1, force_n: [force_n, 0.0, 0.0], moment_nm: [0.0; 3] });
+        println!("{pull:?}");
+        for _ in 0..100 {
+            let row = server.tick();
+            println!(
+                "{:?}",
+                (row.failure, row.state.phase, row.state.axes.map(|axis| axis.actual.position.0 - axis.nominal.0))
+            );
+        }
+        hand.release();
+        for _ in 0..1_000 {
+            server.tick();
+        }
+        if server.cycle.phase() == Phase::Fault {
+            server.rearm();
+        }
+        let mut client = server.client();
+        for _ in 0..500 {
+            server.answered(&mut client, Mode::Obtain, 100_000);
+        }
+        let row = server.answered(&mut client, Mode::Obtain, 100_000);
+        assert_eq!((row.state.phase, row.failure), (Phase::Obtain, None));
+        for axis in row.state.axes {
+            let off = axis.actual.position.0 - axis.nominal.0;
+            assert!((off - 100_000).abs() < 1_000, "{force_n} N: {off} nm");
+        }
+        drop(client);
+        while server.tick().state.phase != Phase::Listening {}
+    }
 }

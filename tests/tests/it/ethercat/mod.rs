@@ -29,8 +29,7 @@ fn section<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
 /// A bus whose drives have just been powered, at home.
 fn bus<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>) -> EmulatedBus<N, M> {
     let (_hand, tool) = load_generator();
-    let machine = robot.simulated_machine::<M>(tool, Motion::Hold).unwrap();
-    emulated_bus(robot, &section(robot), machine).unwrap()
+    emulated_bus(robot, &section(robot), tool).unwrap()
 }
 
 /// Opens a bus, moving back and forth by `motion_m`.

@@ -20,8 +20,8 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use gantry_tau::demo::{DemoOptions, PaceChoice, run_on};
-use gantry_tau::ethercat::{EmulatedBus, EthercatError, EthercatPlant, Machine, emulated_bus};
-use gantry_tau::plant::ToolReading;
+use gantry_tau::ethercat::{EmulatedBus, EthercatPlant, Machine, emulated_bus};
+use gantry_tau::plant::{PlantError, ToolReading};
 use gantry_tau::robot_file::{Ethercat, RobotFile};
 use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::sim::load_generator::load_generator;
@@ -180,6 +180,10 @@ impl<const N: usize, const M: usize> Machine<N> for NearEnd<N, M> {
     fn tool(&mut self) -> Option<ToolReading> {
         self.bus.tool()
     }
+
+    fn failure(&mut self) -> Option<PlantError> {
+        self.bus.failure()
+    }
 }
 
 fn demo_over_veth() {
@@ -199,9 +203,7 @@ fn demo_over_veth() {
     };
     let results = run_on(&options, |robot, tool| {
         let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
-        let machine = robot.simulated_machine::<3>(tool, Motion::Hold);
-        let machine = machine.map_err(|error| EthercatError::Other(error.to_string()))?;
-        let bus = emulated_bus(robot, &section, machine)?;
+        let bus = emulated_bus::<_, 3, 3>(robot, &section, tool)?;
         let far = FarEnd::start(bus.clone(), None);
         let near = NearEnd { socket: RawSocket::open(ENDS[0]).unwrap(), bus, _far: far };
         EthercatPlant::<_, 3, 3>::open(robot, &section, near, |_| Motion::Hold)
@@ -215,8 +217,7 @@ fn soem_agrees(python: &Path) {
     let robot = RobotFile::builtin_l2().unwrap();
     let (_hand, tool) = load_generator();
     let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
-    let machine = robot.simulated_machine::<3>(tool, Motion::Hold).unwrap();
-    let bus = emulated_bus(&robot, &section, machine).unwrap();
+    let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
     let far = FarEnd::start(bus.clone(), Some(10));
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/ethercat/judge.py");
     let judge = Command::new("timeout").arg("60").arg(python).arg("-B").arg(script).arg(ENDS[0]).output().unwrap();
