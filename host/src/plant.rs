@@ -1,6 +1,7 @@
 //! The machine as the server's cycle sees it. A real drive implements [`Plant`].
 
 use gantry_tau_core::control::axis::{Actual, InForce, Reference};
+use gantry_tau_core::control::position_loop::VelocityReference;
 use gantry_tau_core::units::PositionNm;
 
 /// A machine with `AXES` axes and `MOTORS` motors. The cycle thread calls `read`, then `write`, once per cycle.
@@ -38,6 +39,27 @@ pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
     /// [`PlantError`] when the bus does not take them: the server asserts its stop from the next cycle on.
     fn write(&mut self, references: &[Reference; MOTORS], parts: &[InForce; AXES]) -> Result<(), PlantError>;
 
+    /// Writes the velocity reference of every motor; called instead of `write` where the position loops are the server's. `parts` are what the
+    /// position references consist of that the loops follow; `None` while the axes come to rest or stand: the nominal path must
+    /// then go on from where they stand, and that is what is in force, without offsets.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the bus does not take them; the default refuses: the drives take positions.
+    fn write_velocity(
+        &mut self,
+        velocities: &[VelocityReference; MOTORS],
+        parts: Option<&[InForce; AXES]>,
+    ) -> Result<(), PlantError> {
+        let _ = (velocities, parts);
+        Err(PlantError { operation: "write velocities", reason: "its drives take positions" })
+    }
+
+    /// Returns how the drives stop by themselves where they take velocities. `None`, the default, for drives that do not: a server
+    /// with position loops then refuses to start.
+    fn own_stop(&self) -> Option<OwnStop> {
+        None
+    }
+
     /// Returns the states of the drives at the last `read`, one per axis: of several motors the one furthest from operation. They are
     /// recorded and shown, and nothing acts on them: a drive that does not follow its references is reported by `read`, which fails.
     /// (Hence not a part of [`Reading`], which there is none of when it matters.)
@@ -52,6 +74,27 @@ pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
     ///
     /// A drive without a fault must ignore it. The default does nothing.
     fn reset(&mut self) {}
+}
+
+/// The way in which drives stop by themselves when no new references come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OwnStop {
+    /// Cycles without new references until the quick stop.
+    pub watchdog_cycles: u32,
+    /// Deceleration of the quick stop, m/s^2.
+    pub quick_stop_m_per_s2: f64,
+}
+
+impl OwnStop {
+    /// Longest watchdog with which velocities are written, cycles. EtherCAT's default of 100 ms is 62 mm at 0.5 m/s.
+    pub const MAX_WATCHDOG_CYCLES: u32 = 10;
+
+    /// Returns the way from this velocity (m/s) to rest, m, if nothing more is written: `v t + v^2 / 2a`.
+    #[must_use]
+    pub fn way_m(&self, velocity_m_per_s: f64) -> f64 {
+        let until_watchdog_m = velocity_m_per_s * f64::from(self.watchdog_cycles) * 1e-3;
+        until_watchdog_m + velocity_m_per_s * velocity_m_per_s / (2.0 * self.quick_stop_m_per_s2)
+    }
 }
 
 /// State of a drive, after the states of CiA 402; the later, the further from operation.

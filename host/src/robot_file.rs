@@ -7,6 +7,7 @@ pub mod edit;
 mod ethercat;
 mod keys;
 mod learned;
+pub mod position_loop;
 mod sections;
 
 use std::any::Any;
@@ -15,6 +16,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::model::robot::{Compliances, LINKS};
 use gantry_tau_core::model::{f1, l2};
@@ -27,6 +29,7 @@ pub use drives::Drives;
 pub use ethercat::{Ethercat, EthercatDrive};
 pub(crate) use keys::{F1Keys, Keys, L2Keys};
 pub use learned::{Calibrated, Identified, Play, WristJoint};
+pub use position_loop::PositionLoopKeys;
 pub use sections::{Client, CorrectionKind, Motors, Sensor, Simulation, Tool};
 
 /// The text of `robots/l2.toml`.
@@ -58,6 +61,8 @@ pub struct RobotFile<K, const N: usize> {
     pub client: Client,
     /// `[drives]`; absent: drives that know no failure, no latency and no encoder.
     pub drives: Option<Drives>,
+    /// Position loops of the server, of `[position_loop]` and `[drives]`; absent for drives that take positions.
+    pub position_loops: Option<[LoopConfig; N]>,
     /// `[ethercat]`; absent in a file without a bus.
     pub ethercat: Option<Ethercat>,
     /// `[simulation]`.
@@ -231,6 +236,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         if let Some(drives) = &sections.drives {
             drives::check(drives, &sections.axes, &sections.motors)?;
         }
+        let position_loops = position_loop::check(sections.position_loop.as_ref(), sections.drives.as_ref(), &limits)?;
         if let Some(section) = &sections.ethercat {
             ethercat::check(section, &sections.motors, &sections.axes.metres_per_q.0, &limits)?;
         }
@@ -255,6 +261,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             sensor: sections.sensor,
             client: sections.client,
             drives: sections.drives,
+            position_loops,
             ethercat: sections.ethercat,
             simulation: sections.simulation,
             calibrated: sections.calibrated,

@@ -256,7 +256,8 @@ impl Serve {
             tracing::warn!("a stop was not re-armed before this server started: it starts in Fault");
         }
         let motors = robot.motor_map()?;
-        Ok(Cycle::new(config, motors, machine, epochs, latch, listen)?)
+        let cycle = Cycle::new(config, motors, machine, epochs, latch, listen)?;
+        Ok(cycle.with_position_loops(robot.position_loops)?)
     }
 
     fn check(&self) -> Result<(), &'static str> {

@@ -125,7 +125,8 @@ where
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
     let mut cycle: Cycle<N, M, _> =
-        Cycle::new(config, robot.motor_map()?, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK)?;
+        Cycle::new(config, robot.motor_map()?, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK)?
+            .with_position_loops(robot.position_loops)?;
     let (sender, mut black_boxes) = swap_channel::channel();
     if options.black_box.is_some() {
         cycle = cycle.with_black_box(sender);

@@ -118,11 +118,6 @@ fn whole_nm(um: f64) -> u64 {
 /// Checks the section against the machine.
 pub(super) fn check<const N: usize>(drives: &Drives, axes: &Axes<N>, motors: &Motors) -> Result<(), Problem> {
     let d = drives;
-    if d.interface == Interface::Velocity {
-        let reason =
-            "is \"velocity\", which needs a position loop in the server; this version has none: use \"position\"";
-        return Err(Problem::new("drives.interface", reason));
-    }
     for (key, cycles) in
         [("command_delay_cycles", d.command_delay_cycles), ("actual_delay_cycles", d.actual_delay_cycles)]
     {
@@ -145,7 +140,7 @@ pub(super) fn check<const N: usize>(drives: &Drives, axes: &Axes<N>, motors: &Mo
     range("drives.peak_seconds", d.peak_seconds.unwrap_or(d.profile.peak_s()), 0.0, 60.0)?;
     check_position_integral(d)?;
     check_bias(d, motors)?;
-    check_offsets(d.profile, axes)
+    check_offsets(d, axes)
 }
 
 fn check_position_integral(drives: &Drives) -> Result<(), Problem> {
@@ -171,10 +166,12 @@ fn check_bias(drives: &Drives, motors: &Motors) -> Result<(), Problem> {
 }
 
 /// Checks that the drives take the offsets that the limits allow.
-fn check_offsets<const N: usize>(profile: Profile, axes: &Axes<N>) -> Result<(), Problem> {
-    let name = profile.name();
+fn check_offsets<const N: usize>(drives: &Drives, axes: &Axes<N>) -> Result<(), Problem> {
+    let name = drives.profile.name();
+    // With velocities the server's loop adds them.
+    let takes_velocities = drives.profile.takes_velocity_offsets() || drives.interface == Interface::Velocity;
     for (index, max) in axes.velocity.max_um_s.0.iter().enumerate() {
-        if *max > 0 && !profile.takes_velocity_offsets() {
+        if *max > 0 && !takes_velocities {
             let reason = format!("is {max}, but an {name} (drives.profile) takes no velocity offsets; set it to 0");
             return Err(Problem::new(format!("axes.velocity.max_um_s[{index}]"), reason));
         }

@@ -8,6 +8,7 @@ use super::drives::Drives;
 use super::ethercat::Ethercat;
 use super::learned::{Calibrated, Identified, Play, WristJoint};
 use super::matrix;
+use super::position_loop::PositionLoopKeys;
 
 /// Sections of every kind of machine.
 #[derive(Deserialize)]
@@ -17,6 +18,7 @@ pub(super) struct Sections<const N: usize> {
     pub(super) sensor: Sensor,
     pub(super) client: Client,
     pub(super) drives: Option<Drives>,
+    pub(super) position_loop: Option<PositionLoopKeys>,
     pub(super) ethercat: Option<Ethercat>,
     pub(super) simulation: Simulation,
     pub(super) calibrated: Option<Calibrated>,
@@ -27,12 +29,13 @@ pub(super) struct Sections<const N: usize> {
 }
 
 impl<const N: usize> Sections<N> {
-    pub(super) const NAMES: [&'static str; 11] = [
+    pub(super) const NAMES: [&'static str; 12] = [
         "axes",
         "motors",
         "sensor",
         "client",
         "drives",
+        "position_loop",
         "ethercat",
         "simulation",
         "calibrated",

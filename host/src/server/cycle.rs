@@ -6,12 +6,14 @@ use std::net::{SocketAddr, TcpStream};
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::{Cause, Phase, State};
+use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{self, LastWrite, Session, Start, TickInput};
 use gantry_tau_core::units::EpochRange;
 
 use super::ServerError;
 use super::connections::{Connections, Listen};
+use super::velocity_interface::{Followed, VelocityInterface};
 use crate::black_box::swap_channel::Sender;
 use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use crate::publication::Publication;
@@ -64,6 +66,8 @@ pub struct Cycle<const N: usize, const M: usize, P> {
     sensor: Option<SensorPublisher>,
     sensors: Vec<Publication>,
     plant: P,
+    motors: MotorMap<N, M>,
+    velocity: Option<VelocityInterface<N, M>>,
     /// The machine has not taken the last references: it must be read back.
     write_failed: bool,
     round_trip_us: Option<u32>,
@@ -98,11 +102,25 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             sensor: None,
             sensors: Vec::new(),
             plant,
+            motors,
+            velocity: None,
             write_failed: false,
             round_trip_us: None,
             latch,
             black_boxes: None,
         })
+    }
+
+    /// Moves the drives by velocities, with position loops in the server; `None`: by positions.
+    ///
+    /// # Errors
+    /// [`ServerError::Start`]: drives that take positions, or do not stop by themselves in time or within the travel.
+    pub fn with_position_loops(self, config: Option<[LoopConfig; N]>) -> Result<Self, ServerError> {
+        let Some(config) = config else { return Ok(self) };
+        let session = self.endpoint.session();
+        let (axes, in_force) = (&session.config().parameters().axes, session.in_force());
+        let velocity = VelocityInterface::new(config, self.motors, axes, in_force, self.plant.own_stop());
+        Ok(Self { velocity: Some(velocity.map_err(ServerError::Start)?), ..self })
     }
 
     /// Enables the drives. In the thread of the cycles, before the first of them.
@@ -148,16 +166,16 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         &self.endpoint
     }
 
-    /// True if the machine took references without offsets in the last step: the server may end.
+    /// True if the server may end: the machine took references without offsets in the last step or, moved by velocities, took that of zero.
     #[must_use]
     pub fn is_at_zero(&self) -> bool {
-        self.endpoint.is_at_zero()
+        self.velocity.as_ref().map_or_else(|| self.endpoint.is_at_zero(), VelocityInterface::is_at_rest)
     }
 
-    /// True if the machine did not take the references of the last step.
+    /// True if the machine did not take what was written in the last step.
     #[must_use]
-    pub const fn write_failed(&self) -> bool {
-        self.write_failed
+    pub fn write_failed(&self) -> bool {
+        self.velocity.as_ref().map_or(self.write_failed, |velocity| !velocity.is_accepted())
     }
 
     /// Returns the values in force before the last step; they still are if the machine did not take its references.
@@ -233,7 +251,20 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         // Before anything acts, so that no crash can undo a stop.
         self.latch.set(self.phase() == Phase::Fault);
         let parts = self.endpoint.session().demanded();
-        let written = references.map(|references| self.plant.write(&references, &parts));
+        let written = match &mut self.velocity {
+            None => references.map(|references| self.plant.write(&references, &parts)),
+            Some(velocity) => self.endpoint.output().map(|output| {
+                let followed = Followed {
+                    references: &output.references,
+                    parts: &parts,
+                    withheld: output.withheld,
+                    actual: reading.map(|reading| &reading.actual),
+                    phase: output.state.phase,
+                    demands,
+                };
+                velocity.write(&mut self.plant, &followed)
+            }),
+        };
         self.write_failed = !matches!(written, Some(Ok(())));
         let failure = read.as_ref().err().copied().or_else(|| written?.err());
         if self.write_failed {

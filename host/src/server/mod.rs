@@ -4,6 +4,7 @@ pub mod connections;
 pub mod cycle;
 pub mod event_log;
 pub mod tick_source;
+pub mod velocity_interface;
 
 use std::fmt;
 use std::io;

@@ -12,6 +12,8 @@ const PEAK_SPEED: f64 = 1.875;
 const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
 /// Longest leg, cycles: a day.
 const MAX_LEG_CYCLES: f64 = 86_400_000.0;
+/// Largest speed (m/s) and acceleration (m/s^2) of the way back home of a path that rests there.
+const RETURN_SPEED: (f64, f64) = (0.01, 0.1);
 
 /// One sample of the nominal axis positions per cycle, in metres. Positions, speeds and accelerations are continuous.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +26,10 @@ pub struct Interpolator<const N: usize> {
     walked: usize,
     /// Cycles since the leg began, its dwell first.
     cycle: u32,
+    /// Largest speed and acceleration, m/s and m/s^2.
+    speed: (f64, f64),
+    /// What is left of a leg that was left on the way, from where the axes stood, and the cycles since it was taken up again.
+    rest: Option<(Leg<N>, u32)>,
 }
 
 /// The way from one stop to the next.
@@ -40,7 +46,8 @@ impl<const N: usize> Interpolator<N> {
     /// # Errors
     /// [`SimulationError::OutOfRange`] naming the waypoints, the speed or the acceleration.
     pub fn new(home_m: [f64; N], motion: &Motion<N>) -> Result<Self, SimulationError> {
-        let mut this = Self { home_m, legs: Vec::new(), dwell: 0, walked: 0, cycle: 0 };
+        let mut this =
+            Self { home_m, legs: Vec::new(), dwell: 0, walked: 0, cycle: 0, speed: RETURN_SPEED, rest: None };
         if let Motion::BackAndForth { waypoints_m, speed_m_per_s, acceleration_m_per_s2, dwell_cycles } = motion {
             check("speed_m_per_s", *speed_m_per_s, 1e-6, 10.0)?;
             check("acceleration_m_per_s2", *acceleration_m_per_s2, 1e-6, 1e3)?;
@@ -48,6 +55,7 @@ impl<const N: usize> Interpolator<N> {
             check("dwell_cycles", (*dwell_cycles).into(), 0.0, MAX_LEG_CYCLES)?;
             check("number of waypoints_m", waypoints_m.len() as f64, 0.0, MAX_WAYPOINTS)?;
             this.dwell = *dwell_cycles;
+            this.speed = (*speed_m_per_s, *acceleration_m_per_s2);
             let mut near_m = home_m;
             for &far_m in waypoints_m {
                 let cycles = leg_cycles(&near_m, &far_m, *speed_m_per_s, *acceleration_m_per_s2)?;
@@ -65,34 +73,75 @@ impl<const N: usize> Interpolator<N> {
         Some((self.legs.get(index)?, back))
     }
 
+    /// Takes the path up again from these axis positions (m), at rest: goes to the end of the present leg, and on from there.
+    pub fn go_on_from(&mut self, position_m: [f64; N]) {
+        let far_m = match self.leg() {
+            Some((leg, back)) => {
+                if back {
+                    leg.near_m
+                } else {
+                    leg.far_m
+                }
+            }
+            None => self.home_m,
+        };
+        let (speed_m_per_s, acceleration_m_per_s2) = self.speed;
+        // Positions of a machine are in range; a way that is not is left out, and the step is a nominal fault.
+        let cycles = leg_cycles(&position_m, &far_m, speed_m_per_s, acceleration_m_per_s2);
+        self.rest = cycles.ok().map(|cycles| (Leg { near_m: position_m, far_m, cycles }, 0));
+    }
+
     /// Returns the present axis positions, metres.
     #[must_use]
     pub fn position_m(&self) -> [f64; N] {
-        let Some((Leg { near_m, far_m, cycles }, back)) = self.leg() else {
+        if let Some((leg, cycle)) = &self.rest {
+            return leg.at(f64::from(*cycle) / f64::from(leg.cycles));
+        }
+        let Some((leg, back)) = self.leg() else {
             return self.home_m;
         };
-        let walked = f64::from(self.cycle.saturating_sub(self.dwell)) / f64::from(*cycles);
-        let share = quintic(if back { 1.0 - walked } else { walked });
-        std::array::from_fn(|axis| near_m[axis] + (far_m[axis] - near_m[axis]) * share)
+        let walked = f64::from(self.cycle.saturating_sub(self.dwell)) / f64::from(leg.cycles);
+        leg.at(if back { 1.0 - walked } else { walked })
     }
 
     /// True at the last waypoint, until the way back begins.
     #[must_use]
     pub fn has_arrived(&self) -> bool {
-        self.walked == self.legs.len() && self.cycle <= self.dwell
+        self.rest.is_none() && self.walked == self.legs.len() && self.cycle <= self.dwell
     }
 
     /// Advances by one cycle.
     pub fn advance(&mut self) {
+        if let Some((leg, cycle)) = &mut self.rest {
+            *cycle += 1;
+            if *cycle >= leg.cycles {
+                self.rest = None;
+                self.end_leg();
+            }
+            return;
+        }
         let Some((leg, _)) = self.leg() else {
             return;
         };
         let end = self.dwell + leg.cycles;
         self.cycle += 1;
         if self.cycle >= end {
-            self.cycle = 0;
-            self.walked = (self.walked + 1) % (2 * self.legs.len());
+            self.end_leg();
         }
+    }
+
+    fn end_leg(&mut self) {
+        self.cycle = 0;
+        // A path without legs stays at home.
+        self.walked = (self.walked + 1) % (2 * self.legs.len()).max(1);
+    }
+}
+
+impl<const N: usize> Leg<N> {
+    /// Returns the axis positions after a share of its time, metres.
+    fn at(&self, share: f64) -> [f64; N] {
+        let share = quintic(share);
+        std::array::from_fn(|axis| self.near_m[axis] + (self.far_m[axis] - self.near_m[axis]) * share)
     }
 }
 
@@ -163,6 +212,36 @@ mod tests {
             hold.advance();
             assert_eq!(hold.position_m(), home);
         }
+    }
+
+    #[test]
+    fn a_leg_that_was_left_is_taken_up_from_where_the_axes_stand() {
+        let mut walk = walk();
+        let mut last = walk.position_m();
+        for _ in 0..200 {
+            walk.advance();
+        }
+        let stood = walk.position_m().map(|metres| metres + 0.004);
+        walk.go_on_from(stood);
+        assert_eq!(walk.position_m(), stood);
+        let (mut before, mut is_there) = (stood, false);
+        for _ in 0..5000 {
+            (last, before) = (before, walk.position_m());
+            walk.advance();
+            let now = walk.position_m();
+            for axis in 0..ARMS {
+                assert!((now[axis] - before[axis]).abs() <= 0.5e-3 * (1.0 + 1e-9));
+                assert!((now[axis] - 2.0 * before[axis] + last[axis]).abs() <= 2e-6 * 1.05);
+            }
+            is_there |= now == [0.1, 0.2, 0.0];
+        }
+        assert!(is_there, "{last:?}");
+        let mut hold = Interpolator::new([0.3; 3], &Motion::Hold).unwrap();
+        hold.go_on_from([0.301; 3]);
+        for _ in 0..1000 {
+            hold.advance();
+        }
+        assert_eq!(hold.position_m(), [0.3; 3]);
     }
 
     #[test]

@@ -14,13 +14,18 @@
 //!
 //! A drive that has stopped by itself ([`drive::supervision`]) fails every `read`, and stops the others of its axis. The path waits until all
 //! drives follow again, as an NC does.
+//!
+//! With velocities (`drives.interface`) the axes stand until the server's loops follow the path, and where the loops have stopped. The
+//! nominal references are then where the axes stand; once the loops follow again the path goes from there back to where it was left.
 
 use gantry_tau_core::control::axis::{Actual, InForce, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
+use gantry_tau_core::control::position_loop::VelocityReference;
 use gantry_tau_core::model::f1;
 use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use nalgebra::Vector6;
 
+use super::drive::profile::Interface;
 use super::drive::supervision::Trip;
 use super::drive::{self, Cart, Drive, coupled};
 use super::force_sensor::ForceSensor;
@@ -30,7 +35,7 @@ use super::parameters::{SimulationError, SimulationParameters};
 use super::springs::TrueSprings;
 use super::workpiece::Workpiece;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
-use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
+use crate::plant::{DriveState, OwnStop, Plant, PlantError, Reading, ToolReading};
 use crate::springs::compliances::Springs;
 use crate::springs::loaded::Loaded;
 
@@ -55,7 +60,10 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     nominal: [PositionNm; N],
     /// Parts of the references in force.
     in_force: [InForce; N],
-    references: [Reference; M],
+    interface: Interface,
+    own_stop: Option<OwnStop>,
+    /// With velocities: no loop follows the path.
+    stands: bool,
     /// The tool under load, and on the rigid machine at the nominal references in force.
     loaded: Equilibrium<N>,
     rigid: Equilibrium<N>,
@@ -106,7 +114,9 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             metres_per_q: parameters.metres_per_q,
             nominal: at_home,
             in_force: at_home.map(InForce::at),
-            references,
+            interface: settings.interface,
+            own_stop: own_stop(settings),
+            stands: settings.interface == Interface::Velocity,
             loaded: start,
             rigid: start,
             load: Load::default(),
@@ -135,6 +145,12 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         self.springs.loaded(began, self.loaded, Vector6::from(self.load.wrench()), wrist_rad)
     }
 
+    /// Returns the true positions of the axes, on the side of the motors, m.
+    #[must_use]
+    pub fn positions_m(&self) -> [f64; N] {
+        std::array::from_fn(|axis| drive::mean(self.drives_of(axis).map(Drive::position_m)))
+    }
+
     /// Runs one cycle of 1 ms.
     fn advance(&mut self) -> Result<(), &'static str> {
         self.load = self.tool.load();
@@ -159,12 +175,25 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         self.stop_partners();
         self.settle_platform().map_err(|_| "the springs find no equilibrium under this load")?;
         self.sample = self.sensor.sample(&Vector6::from(self.load.wrench()), &self.loaded.pose.rotation);
+        if self.stands {
+            self.nominal = self.actual()?.map(|axis| axis.position);
+            self.in_force = self.nominal.map(InForce::at);
+            return Ok(());
+        }
         if self.stopped().is_none() {
             self.interpolator.advance();
         }
         self.nominal =
             positions_nm(&self.interpolator.position_m()).map_err(|_| "a nominal position is out of range")?;
         Ok(())
+    }
+
+    fn actual(&self) -> Result<[Actual; N], &'static str> {
+        let mut actual = [Actual::default(); N];
+        for (axis, report) in actual.iter_mut().enumerate() {
+            *report = drive::report(self.drives_of(axis)).map_err(|_| "an axis has left the range of positions")?;
+        }
+        Ok(actual)
     }
 
     /// Stops every drive of an axis of which one has stopped by itself.
@@ -194,9 +223,9 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     /// Finds the poses for the motors and for the nominal in force.
     fn settle_platform(&mut self) -> Result<(), ElasticError> {
         let load = Vector6::from(self.load.wrench());
+        let motors_m = self.positions_m();
         let motors = std::array::from_fn(|axis| {
-            let motors_m = || drive::mean(self.drives_of(axis).map(Drive::position_m));
-            self.carts[axis].as_ref().map_or_else(motors_m, Cart::position_m) / self.metres_per_q[axis]
+            self.carts[axis].as_ref().map_or(motors_m[axis], Cart::position_m) / self.metres_per_q[axis]
         });
         self.loaded = self.springs.settle(&motors, &load, &self.loaded)?;
         let nominal = std::array::from_fn(|axis| self.in_force[axis].nominal.to_metres().0 / self.metres_per_q[axis]);
@@ -231,21 +260,46 @@ impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
         if let Some(reason) = self.stopped() {
             return Err(PlantError { operation: "follow its references", reason });
         }
-        let mut actual = [Actual::default(); N];
-        for (axis, report) in actual.iter_mut().enumerate() {
-            *report =
-                drive::report(self.drives_of(axis)).map_err(|_| failed("an axis has left the range of positions"))?;
-        }
+        let actual = self.actual().map_err(failed)?;
         Ok(Reading { nominal: self.nominal, actual, tool: Some(self.tool_reading()) })
     }
 
     fn write(&mut self, references: &[Reference; M], parts: &[InForce; N]) -> Result<(), PlantError> {
+        if self.interface == Interface::Velocity {
+            let reason = "its drives take velocities (drives.interface)";
+            return Err(PlantError { operation: "write positions", reason });
+        }
         for (drive, reference) in self.drives.iter_mut().zip(references) {
             drive.command(reference);
         }
-        self.references = *references;
         self.in_force = *parts;
         Ok(())
+    }
+
+    fn write_velocity(
+        &mut self,
+        velocities: &[VelocityReference; M],
+        parts: Option<&[InForce; N]>,
+    ) -> Result<(), PlantError> {
+        if self.interface == Interface::Position {
+            let reason = "its drives take positions (drives.interface)";
+            return Err(PlantError { operation: "write velocities", reason });
+        }
+        for (drive, reference) in self.drives.iter_mut().zip(velocities) {
+            drive.command_velocity(reference);
+        }
+        if let (Some(parts), true) = (parts, self.stands) {
+            self.interpolator.go_on_from(parts.map(|axis| axis.nominal.to_metres().0));
+        }
+        self.stands = parts.is_none();
+        if let Some(parts) = parts {
+            self.in_force = *parts;
+        }
+        Ok(())
+    }
+
+    fn own_stop(&self) -> Option<OwnStop> {
+        self.own_stop
     }
 
     fn drives(&self) -> Option<[DriveState; N]> {
@@ -265,6 +319,12 @@ fn direction(axis_of_motor: &[usize], motor: usize) -> f64 {
         (2, _) => -1.0,
         _ => 0.0,
     }
+}
+
+/// Returns the stop of drives that take velocities.
+fn own_stop(settings: &drive::Settings) -> Option<OwnStop> {
+    let limits = settings.limits.filter(|_| settings.interface == Interface::Velocity)?;
+    Some(OwnStop { watchdog_cycles: limits.watchdog_cycles, quick_stop_m_per_s2: settings.quick_stop_m_per_s2 })
 }
 
 /// Converts metres to the reference path.

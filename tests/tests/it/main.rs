@@ -30,4 +30,5 @@ mod six_axes;
 mod soak;
 mod solve_vectors;
 mod turned_platform;
+mod velocity_drives;
 mod wire_page;

@@ -20,6 +20,9 @@ mod report;
 pub mod supervision;
 
 use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::position_loop::VelocityReference;
+
+use gantry_tau_core::units::{TorquePermille, VelocityUmS};
 
 use crate::plant::DriveState;
 use cascade::{Cascade, Demand};
@@ -108,6 +111,13 @@ impl Drive {
         self.is_fresh = true;
     }
 
+    /// Takes the velocity and the additive torque of the next cycle.
+    pub const fn command_velocity(&mut self, reference: &VelocityReference) {
+        let position = self.commands[0].position;
+        let VelocityReference { velocity, torque } = *reference;
+        self.command(&Reference { position, velocity_offset: velocity, torque_offset: torque });
+    }
+
     /// Runs one cycle, under `load_n` newtons that push the cart along its guideway.
     pub fn advance(&mut self, load_n: f64) {
         self.begin();
@@ -192,6 +202,12 @@ impl Drive {
     pub fn reset(&mut self) {
         if self.supervision.reset() {
             self.cascade.restart(self.reports[0].motion.0);
+            if self.settings.interface == Interface::Velocity {
+                // An old position is a place to go to; an old velocity must not move it.
+                let position = self.commands[0].position;
+                let still = Reference { position, velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) };
+                self.commands = [still; KEPT];
+            }
         }
     }
 
@@ -217,7 +233,7 @@ impl Drive {
 mod tests {
     use super::*;
     use gantry_tau_core::control::axis::Actual;
-    use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
+    use gantry_tau_core::units::PositionNm;
 
     fn reference(nm: i64) -> Reference {
         Reference { position: PositionNm(nm), velocity_offset: Default::default(), torque_offset: Default::default() }

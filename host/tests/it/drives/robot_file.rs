@@ -38,7 +38,6 @@ fn bad_drives_are_refused_by_key_and_reason() {
     for (drives, key, reason) in [
         ("profile = \"ax9000\"", "drives.profile", "unknown variant"),
         ("interface = \"torque\"", "drives.interface", "unknown variant"),
-        ("interface = \"velocity\"", "drives.interface", "use \"position\""),
         ("watchdog = 3", "drives.watchdog", "unknown field"),
         ("watchdog_cycles = 0", "drives.watchdog_cycles", "is 0; expected from 1 to 1000"),
         ("watchdog_cycles = -1", "drives.watchdog_cycles", "invalid value"),
@@ -70,4 +69,92 @@ fn bad_drives_are_refused_by_key_and_reason() {
     assert_eq!(error.key, "axes.torque.max_permille[0]");
     // The F1 has pairs.
     assert!((settings(&with(F1, "bias_permille = 100")).bias - 0.1).abs() < 1e-12);
+}
+
+/// The L2 with drives that take velocities, slow enough and with room to stop.
+fn velocity(keys: &str) -> String {
+    let wide = L2
+        .replacen("nominal_step_um = [2000.0, 2000.0, 2000.0]", "nominal_step_um = [600.0, 600.0, 600.0]", 1)
+        .replacen("[[-0.51, 2.01], [-2.01, 0.51], [-0.51, 2.01]]", "[[-0.53, 2.03], [-2.03, 0.53], [-0.53, 2.03]]", 1);
+    with(&wide, &format!("interface = \"velocity\"\n{keys}"))
+}
+
+#[test]
+fn position_loops_are_made_for_the_latency_of_the_drives() {
+    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("x.toml", &velocity("")).unwrap() else { panic!("an L2") };
+    let [loops, ..] = robot.position_loops.unwrap();
+    let values = *loops.values();
+    // 80.2 1/s, 100 %, 40 kg at 1 kN.
+    assert_eq!((values.gain, values.velocity_feed_forward, values.torque_feed_forward), (5_256, 1_024, 2_621));
+    assert_eq!((values.lag, values.window_nm, values.window_ticks, values.integral), (3, 2_000_000, 10, 0));
+    let velocity_limits =
+        (values.velocity.max(), values.velocity.step(), values.velocity.accel(), values.velocity.ramp());
+    assert_eq!(velocity_limits, (600_000, 20_000, 40_000, 10_000));
+    for (delay, gain, lag) in [(0, 9_286, 1), (2, 3_668, 5)] {
+        let keys = format!("command_delay_cycles = {delay}\nactual_delay_cycles = {delay}");
+        let AnyRobotFile::L2(robot) = AnyRobotFile::parse("x.toml", &velocity(&keys)).unwrap() else { panic!("an L2") };
+        let values = *robot.position_loops.unwrap()[2].values();
+        assert_eq!((values.gain, values.lag), (gain, lag));
+    }
+    // Velocity offsets are the loop's, whatever the drive.
+    assert!(AnyRobotFile::parse("x.toml", &velocity("profile = \"ax2000\"")).is_ok());
+    for robot in [RobotFile::builtin_l2().unwrap().position_loops, None] {
+        assert_eq!(robot, None);
+    }
+}
+
+#[test]
+fn velocities_are_refused_where_a_stop_would_take_too_long() {
+    let own = |keys: &str| velocity(&format!("\n[position_loop]\n{keys}"));
+    let narrow = velocity("").replacen("[-0.53, 2.03]", "[-0.51, 2.01]", 1);
+    let fast = velocity("").replacen("nominal_step_um = [600.0, 600.0,", "nominal_step_um = [600.0, 600.1,", 1);
+    for (text, key, reason) in [
+        (
+            narrow,
+            "axes.machine_travel_m[0]",
+            "leaves 10.0 mm beyond nominal_travel_m; a stop by the drives takes 19.8 mm",
+        ),
+        (
+            fast,
+            "axes.nominal_step_um[1]",
+            "lets the path move at 0.6001 m/s, faster than position_loop.max_m_per_s (0.6)",
+        ),
+        (
+            velocity("watchdog_cycles = 11"),
+            "drives.watchdog_cycles",
+            "is 11; expected from 1 to 10 (drives.interface is \"velocity\")",
+        ),
+        (velocity("quick_stop_m_per_s2 = 5.0"), "axes.machine_travel_m[0]", "a stop by the drives takes 37.8 mm"),
+        (velocity("following_error_um = 16001.0"), "drives.following_error_um", "expected from 1 to 16000"),
+        (
+            own("gain_per_s = 130.0"),
+            "position_loop.gain_per_s",
+            "is 130; with latencies of 1 and 1 cycles (drives) it must be at most 125.0",
+        ),
+        (own("gain_per_s = 0.0"), "position_loop.gain_per_s", "is 0; expected from 0.1"),
+        (own("gain = 80.0"), "position_loop.gain", "unknown field"),
+        (own("velocity_feed_forward_percent = 120.0"), "position_loop.velocity_feed_forward_percent", "from 0 to 119"),
+        (own("torque_feed_forward = -1.0"), "position_loop.torque_feed_forward", "is -1; expected from 0 to 499"),
+        (own("integral_ms = 0.5"), "position_loop.integral_ms", "expected from 1 to"),
+        (own("integral_max_mm_per_s = nan"), "position_loop.integral_max_mm_per_s", "is NaN"),
+        (own("max_m_per_s = 0.0"), "position_loop.max_m_per_s", "expected from 0.001"),
+        (
+            own("max_m_per_s2 = 11.0"),
+            "position_loop.max_m_per_s2",
+            "it must be at least 12, 1.2 times position_loop.path_m_per_s2",
+        ),
+        (own("stop_m_per_s2 = 21.0"), "position_loop.stop_m_per_s2", "is 21, above position_loop.max_m_per_s2 (20)"),
+        (own("path_m_per_s2 = 0.0"), "position_loop.path_m_per_s2", "expected from 0.1"),
+        (with(L2, "\n[position_loop]"), "position_loop", "set drives.interface = \"velocity\", or remove it"),
+        (
+            L2.replacen("[simulation]", "[position_loop]\n[simulation]", 1),
+            "position_loop",
+            "for drives that take velocities",
+        ),
+    ] {
+        let error = AnyRobotFile::parse("x.toml", &text).unwrap_err();
+        let all = error.to_string();
+        assert_eq!((&*error.file, &*error.key), ("x.toml", key), "{all}");
+        assert!(error.reason.contains(reason) && all.lines().count() == 1, "{all}");
+    }
 }

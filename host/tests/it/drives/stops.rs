@@ -68,6 +68,15 @@ fn with_velocities_it_runs_on_until_the_watchdog() {
     drive.command(&reference(Interface::Velocity, 0));
     drive.advance(0.0);
     assert_eq!(drive.state(), DriveState::Ready);
+    // Nor is it while nothing comes at all.
+    let (mut drive, _, _) = killed(&settings);
+    let stands_m = drive.position_m();
+    drive.reset();
+    for _ in 0..100 {
+        drive.advance(0.0);
+    }
+    assert_eq!(drive.state(), DriveState::Ready);
+    assert!((drive.position_m() - stands_m).abs() < 1e-9);
     // Without a watchdog nothing stops it.
     let (_, way_mm, _) = killed(&Settings { interface: Interface::Velocity, ..ideal() });
     assert!(close(way_mm, 500.0, 0.01), "{way_mm} mm");

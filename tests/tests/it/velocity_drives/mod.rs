@@ -1,0 +1,215 @@
+//! A server whose drives take velocities: its own position loops, in motion, tick by tick.
+
+mod compensation;
+mod stops;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use allocation_counter::measure;
+use gantry_tau::model::{L2, L2_MOTORS};
+use gantry_tau::plant::{DriveState, OwnStop, Plant, PlantError, Reading};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::server::cycle::{Cycle, Demands, Row};
+use gantry_tau::sim::load_generator::{LoadGenerator, load_generator};
+use gantry_tau::sim::machine::SimulatedMachine;
+use gantry_tau::sim::parameters::Motion;
+use gantry_tau::stop_latch::StopLatch;
+use gantry_tau_core::control::axis::{InForce, Reference};
+use gantry_tau_core::control::message::{Capabilities, Mode, Phase};
+use gantry_tau_core::control::position_loop::VelocityReference;
+use gantry_tau_core::units::EpochRange;
+use gantry_tau_tests::client::Client;
+use gantry_tau_tests::server_fixture::LOOPBACK;
+use gantry_tau_tests::wait_for;
+
+const N: usize = 3;
+type Machine = SimulatedMachine<N, L2_MOTORS>;
+
+/// Velocity limit of the loops, m/s.
+const MAX_M_PER_S: f64 = 0.6;
+
+/// Text of the L2's robot file with drives that take velocities, and these keys of theirs.
+fn text(drives: &str) -> String {
+    let l2 = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/l2.toml"));
+    let wider = "machine_travel_m = [[-0.53, 2.03], [-2.03, 0.53], [-0.53, 2.03]]";
+    l2.replacen("machine_travel_m = [[-0.51, 2.01], [-2.01, 0.51], [-0.51, 2.01]]", wider, 1)
+        .replacen("nominal_step_um = [2000.0, 2000.0, 2000.0]", "nominal_step_um = [600.0, 600.0, 600.0]", 1)
+        .replacen("[simulation]", &format!("[drives]\ninterface = \"velocity\"\n{drives}\n[simulation]"), 1)
+}
+
+fn robot(drives: &str) -> RobotFile<L2, N> {
+    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("x.toml", &text(drives)).unwrap() else { panic!("an L2") };
+    *robot
+}
+
+/// The machine behind a bus that can be lost: nothing gets through then, and the drives go on by themselves.
+#[derive(Clone)]
+struct Bus {
+    machine: Arc<Mutex<Machine>>,
+    is_lost: Arc<AtomicBool>,
+}
+
+impl Bus {
+    fn machine(&self) -> MutexGuard<'_, Machine> {
+        self.machine.lock().unwrap()
+    }
+
+    fn checked(&self) -> Result<(), PlantError> {
+        let lost = PlantError { operation: "exchange process data", reason: "the bus is lost" };
+        if self.is_lost.load(Ordering::Relaxed) { Err(lost) } else { Ok(()) }
+    }
+}
+
+impl Plant<N, L2_MOTORS> for Bus {
+    fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
+        self.checked()?;
+        self.machine().in_force()
+    }
+
+    fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
+        let reading = self.machine().read(elapsed);
+        self.checked()?;
+        reading
+    }
+
+    fn write(&mut self, references: &[Reference; L2_MOTORS], parts: &[InForce; N]) -> Result<(), PlantError> {
+        self.checked()?;
+        self.machine().write(references, parts)
+    }
+
+    fn write_velocity(
+        &mut self,
+        velocities: &[VelocityReference; L2_MOTORS],
+        parts: Option<&[InForce; N]>,
+    ) -> Result<(), PlantError> {
+        self.checked()?;
+        self.machine().write_velocity(velocities, parts)
+    }
+
+    fn own_stop(&self) -> Option<OwnStop> {
+        self.machine().own_stop()
+    }
+
+    fn drives(&self) -> Option<[DriveState; N]> {
+        self.machine().drives()
+    }
+
+    fn reset(&mut self) {
+        if self.checked().is_ok() {
+            self.machine().reset();
+        }
+    }
+}
+
+/// A server in motion.
+struct Server {
+    bus: Bus,
+    hand: LoadGenerator,
+    cycle: Cycle<N, L2_MOTORS, Bus>,
+}
+
+impl Server {
+    /// A server on a path of 0.4 m at up to 0.5 m/s, out and back.
+    fn moving() -> Self {
+        Self::on(&robot(""), 0.4)
+    }
+
+    fn on(robot: &RobotFile<L2, N>, way_m: f64) -> Self {
+        let (hand, tool) = load_generator();
+        let home_m = robot.home_q().unwrap();
+        let motion = Motion::BackAndForth {
+            waypoints_m: vec![home_m.map(|metres| metres + way_m)],
+            speed_m_per_s: 0.5,
+            acceleration_m_per_s2: 2.0,
+            dwell_cycles: 100,
+        };
+        let motion = if way_m == 0.0 { Motion::Hold } else { motion };
+        let machine = robot.simulated_machine(tool, motion).unwrap();
+        let bus = Bus { machine: Arc::new(Mutex::new(machine)), is_lost: Arc::default() };
+        let config = robot.session_config(Capabilities::NONE).unwrap();
+        let motors = robot.motor_map().unwrap();
+        let cycle =
+            Cycle::new(config, motors, bus.clone(), EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK).unwrap();
+        Self { bus, hand, cycle: cycle.with_position_loops(robot.position_loops).unwrap() }
+    }
+
+    fn step(&mut self, demands: Demands) -> Row<N> {
+        let mut row = None;
+        let counted = measure(|| {
+            self.cycle.receive();
+            row = Some(self.cycle.step(1, demands));
+        });
+        assert_eq!(counted.count_total, 0, "the cycle allocated");
+        row.unwrap()
+    }
+
+    fn tick(&mut self) -> Row<N> {
+        self.step(Demands::default())
+    }
+
+    /// Ticks until the path moves at 0.5 m/s. Returns the last row.
+    fn at_full_speed(&mut self) -> Row<N> {
+        let mut last = self.tick();
+        for _ in 0..5_000 {
+            let row = self.tick();
+            let speed = row.state.axes[0].nominal.0 - last.state.axes[0].nominal.0;
+            last = row;
+            if speed > 499_000 {
+                return last;
+            }
+        }
+        panic!("the path is slower: {last:?}");
+    }
+
+    /// True positions of the axes, m.
+    fn positions_m(&self) -> [f64; N] {
+        self.bus.machine().positions_m()
+    }
+
+    /// A session in Submit.
+    fn client(&mut self) -> Client<N> {
+        let mut client = Client::connect(self.cycle.address().unwrap());
+        client.say_hello();
+        wait_for("the Welcome", || self.tick().welcomed);
+        client.welcome();
+        client.state();
+        client
+    }
+
+    /// One tick with the owner's answer in it.
+    fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
+        let frame = client.frame(mode, [nm; N]);
+        client.send_bytes(&frame);
+        let mut buffer = vec![0; frame.len()];
+        wait_for("the answer", || {
+            let stream = self.cycle.owner_stream().unwrap();
+            stream.peek(&mut buffer).is_ok_and(|n| n == buffer.len())
+        });
+        let row = self.tick();
+        assert_eq!(client.state(), row.state);
+        row
+    }
+}
+
+/// Largest distance of an axis between two sets of positions, mm.
+fn farthest_mm(from_m: &[f64; N], to_m: &[f64; N]) -> f64 {
+    from_m.iter().zip(to_m).map(|(from, to)| (to - from).abs() * 1e3).fold(0.0, f64::max)
+}
+
+/// The loops keep the axes within 15 µm of the reference that belongs to each measurement, three cycles old.
+#[test]
+fn the_path_is_followed_closely() {
+    let mut server = Server::moving();
+    let rows: Vec<_> = (0..4_000).map(|_| server.tick()).collect();
+    let fastest = rows.iter().map(|row| row.state.axes[0].actual.velocity.0).max().unwrap();
+    assert!(fastest > 490_000, "{fastest} um/s");
+    for window in rows.windows(4) {
+        let (then, now) = (&window[0], &window[3]);
+        assert!(!now.plant_failed && now.state.phase == Phase::Listening, "{now:?}");
+        for axis in 0..N {
+            let off = now.state.axes[axis].actual.position.0 - then.references[axis].position.0;
+            assert!(off.abs() < 15_000, "tick {}: {off} nm", now.state.tick.0);
+        }
+    }
+}
