@@ -70,7 +70,10 @@ pub struct Drives<W: Wire, const M: usize> {
     members: [Member; M],
     settings: Settings,
     inputs: [Input; M],
+    /// References of the last frame.
     sent: [Target; M],
+    /// The working counter of that frame was right: every drive has them.
+    is_confirmed: bool,
     /// States of the last answer, by motor; 0 of a drive that gave none.
     states: [u8; M],
     requested: [bool; M],
@@ -117,6 +120,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             group: Group::SafeOp(group),
             inputs: members.map(|member| member.initial.input()),
             sent,
+            is_confirmed: true,
             states: [0; M],
             requested: [false; M],
             members,
@@ -142,6 +146,22 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     #[must_use]
     pub const fn condition(&self) -> Condition {
         self.condition
+    }
+
+    /// True if the drives are known to have the references that were sent last.
+    #[must_use]
+    pub const fn is_confirmed(&self) -> bool {
+        self.is_confirmed
+    }
+
+    /// True if the coming [`cycle`](Self::cycle) sends its `targets`; false if it sends those again that were sent before.
+    #[must_use]
+    pub const fn takes_targets(&self) -> bool {
+        match self.condition {
+            Condition::Running => self.is_confirmed,
+            Condition::Rearming { .. } => true,
+            Condition::Prepared | Condition::Stopped(_) => false,
+        }
     }
 
     /// Returns the wire.
@@ -204,21 +224,26 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// Exchanges process data once. While the drives run, they get `targets`; after a fault they are stopped, at the references that they
     /// had; after a re-arm `targets` must be where the motors stand, and they are enabled there.
     ///
+    /// After a frame without a right answer it is not known which drives have its references. They are sent again, instead of `targets`, until
+    /// an answer confirms them: so no drive ever makes the way of two cycles at once.
+    ///
     /// # Errors
-    /// [`Fault`]: the drives did not get `targets`, as far as it is known, or do not follow them. After a frame that was lost on its way
-    /// back they have them nevertheless. After faults of more than one cycle they are stopped until a re-arm.
+    /// [`Fault`]: the drives do not have `targets`, as far as it is known, or do not follow them; [`Fault::Resent`] when they were not sent,
+    /// and the measurements are good. After faults of more than one cycle the drives are stopped until a re-arm.
     pub fn cycle(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
         match self.condition {
             Condition::Prepared => Err(Fault::NotStarted),
             Condition::Running => {
-                let outcome = self.exchange(&[control::ENABLED; M], targets).and_then(|()| self.judge());
+                let resends = !self.is_confirmed;
+                let sent = if resends { self.sent } else { *targets };
+                let outcome = self.exchange(&[control::ENABLED; M], &sent).and_then(|()| self.judge());
                 self.missed = if outcome.is_ok() { 0 } else { self.missed.saturating_add(1) };
                 if let Err(fault) = outcome {
                     if !fault.is_of_one_cycle() || self.missed >= self.settings.watchdog_cycles {
                         self.condition = Condition::Stopped(fault);
                     }
                 }
-                outcome
+                if resends { outcome.and(Err(Fault::Resent)) } else { outcome }
             }
             Condition::Stopped(fault) => {
                 let held = self.sent;
@@ -293,7 +318,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     fn exchange(&mut self, commands: &[u16; M], targets: &[Target; M]) -> Result<(), Fault> {
         // What is still there came too late: it must not be taken for this cycle's.
         self.pump.drain();
-        self.sent = *targets;
+        (self.sent, self.is_confirmed) = (*targets, false);
         if !self.pack(commands, targets) {
             return Err(Fault::Image);
         }
@@ -325,6 +350,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         self.states = states;
         let expected = COUNTS_PER_DRIVE.saturating_mul(M as u16);
         let received = answer.working_counter;
+        self.is_confirmed = received == expected;
         let absent = states.iter().position(|state| *state == 0);
         let mut fresh = self.inputs;
         if received == expected {

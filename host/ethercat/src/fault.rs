@@ -51,6 +51,8 @@ pub enum Fault {
         /// Its state.
         state: PowerState,
     },
+    /// The references of a frame without a right answer were sent again, in place of those of this cycle, and the drives have them.
+    Resent,
     /// The process image has another length than was mapped.
     Image,
     /// The drives are not started yet.
@@ -75,7 +77,12 @@ impl Fault {
             | Self::Drive { motor, .. }
             | Self::FollowingError { motor }
             | Self::NotEnabled { motor, .. } => Some(*motor),
-            Self::NoAnswer | Self::WorkingCounter { .. } | Self::Image | Self::NotStarted | Self::Rearming => None,
+            Self::NoAnswer
+            | Self::WorkingCounter { .. }
+            | Self::Resent
+            | Self::Image
+            | Self::NotStarted
+            | Self::Rearming => None,
         }
     }
 
@@ -101,6 +108,7 @@ impl Fault {
             Self::Drive { .. } => "the drive is in fault",
             Self::FollowingError { .. } => "following error",
             Self::NotEnabled { .. } => "the drive is not in operation enabled",
+            Self::Resent => "the references of a lost frame were sent again",
             Self::Image => "the process data has another length than was mapped",
             Self::NotStarted => "the drives are not started",
             Self::Rearming => "the drives are being enabled again",

@@ -110,6 +110,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             held: false,
             nominal,
             in_force,
+            sent: in_force,
             last: Ok(()),
             failure: None,
             faults: None,

@@ -81,7 +81,10 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
     /// The path was left: the nominal references stand here.
     pub(super) held: bool,
     pub(super) nominal: [PositionNm; N],
+    /// Parts of the references that the drives are known to have.
     pub(super) in_force: [InForce; N],
+    /// Parts of the references that were sent last.
+    pub(super) sent: [InForce; N],
     /// Outcome of the last exchange.
     pub(super) last: Result<(), Fault>,
     /// Reason for which its measurements are old nevertheless.
@@ -189,6 +192,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
             targets(motors, in_force).unwrap_or_else(standing)
         });
         self.nominal = self.in_force.map(|in_force| in_force.nominal);
+        self.sent = self.in_force;
         if let Condition::Stopped(fault) = self.drives.condition() {
             // A drive that is still in fault waits for the re-arm: the server starts, and stops.
             self.held = true;
@@ -219,30 +223,37 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
         Ok(Reading { nominal: self.nominal, actual, tool: self.drives.wire_mut().tool() })
     }
 
+    /// An error after a lost frame, whose references are sent again until an answer confirms them: it is not known whether the drives have
+    /// them, and the next ones must not add to them.
     fn write(&mut self, references: &[Reference; M], parts: &[InForce; N]) -> Result<(), PlantError> {
         let is_running = self.drives.condition() == Condition::Running;
         if matches!(self.drives.condition(), Condition::Rearming { .. }) {
             self.stand();
         }
-        let wanted = if is_running {
-            self.drives.wire_mut().note(parts);
-            demanded(&self.motors, references, parts)
-        } else {
-            let in_force = self.in_force;
-            self.drives.wire_mut().note(&in_force);
-            targets(&self.motors, &in_force)
+        let wanted = match (self.drives.takes_targets(), is_running) {
+            // What was sent before is sent again.
+            (false, _) => Some([Target::default(); M]),
+            (true, true) => demanded(&self.motors, references, parts),
+            (true, false) => targets(&self.motors, &self.in_force),
         };
         let beyond = PlantError { operation: OPERATION, reason: "a reference is beyond the range of its drive" };
         let wanted = wanted.ok_or(beyond)?;
+        if self.drives.takes_targets() {
+            self.sent = if is_running { *parts } else { self.in_force };
+        }
+        self.drives.wire_mut().note(&self.sent);
         let outcome = self.drives.cycle(&wanted);
         self.failure = self.drives.wire_mut().failure();
-        self.note(outcome);
-        outcome.map_err(|fault| failed(&fault))?;
-        if is_running {
-            self.in_force = *parts;
-            self.taken = parts.map(|axis| axis.nominal) == self.nominal;
-            return Ok(());
+        if self.drives.is_confirmed() {
+            self.in_force = self.sent;
         }
+        // The references were not taken, but the measurements are good.
+        self.note(outcome.or_else(|fault| if fault == Fault::Resent { Ok(()) } else { Err(fault) }));
+        if is_running {
+            self.taken = self.in_force.map(|axis| axis.nominal) == self.nominal;
+            return outcome.map_err(|fault| failed(&fault));
+        }
+        outcome.map_err(|fault| failed(&fault))?;
         // Enabled again, where the motors stand: the server goes on from there.
         self.held = true;
         self.nominal = self.in_force.map(|in_force| in_force.nominal);

@@ -1,7 +1,7 @@
 //! Faults in operation: named, judged in their cycle, and left by a re-arm only. The drives' own references never jump.
 
 use gantry_tau_ethercat::emulation::{PowerState, STEP_US};
-use gantry_tau_ethercat::{Condition, Fault, Offset};
+use gantry_tau_ethercat::{Condition, Fault, Offset, Target};
 
 use crate::bench::{Server, standing};
 
@@ -44,9 +44,30 @@ fn one_lost_frame_costs_one_cycle() {
         assert_eq!(server.cycle(), Err(Fault::NoAnswer));
         assert_eq!(*server.drives.inputs(), before, "nothing stale is taken");
         assert_eq!(server.drives.condition(), Condition::Running);
+        // They are sent again in place of the next ones, and are confirmed; the measurements are good.
+        let sent = server.targets;
+        assert!(!server.drives.is_confirmed());
+        walk(&mut server);
+        assert_eq!(server.cycle(), Err(Fault::Resent));
+        assert_eq!(targets_of_the_drives(&server), sent);
+        assert!(server.drives.is_confirmed() && *server.drives.inputs() != before);
+        server.targets = sent;
+        walk(&mut server);
         server.cycle().unwrap();
+        assert_eq!(targets_of_the_drives(&server), server.targets);
         assert!(server.largest_step() <= STEP, "the references of two cycles at once");
     }
+}
+
+/// References that the drives have.
+fn targets_of_the_drives(server: &Server<3>) -> [Target; 3] {
+    let bench = server.wire.bench();
+    let mut targets = [Target::default(); 3];
+    for (target, drive) in targets.iter_mut().zip(bench.chain.drives()) {
+        target.position = drive.object(0x607A, 0);
+        target.offset.position = drive.object(0x60B0, 0);
+    }
+    targets
 }
 
 /// An answer that comes after its cycle is dropped: it is not the next cycle's.
@@ -60,6 +81,7 @@ fn a_late_answer_is_not_taken_for_the_next() {
     let before = *server.drives.inputs();
     assert_eq!(server.cycle(), Err(Fault::NoAnswer));
     assert_eq!(*server.drives.inputs(), before);
+    assert_eq!(server.cycle(), Err(Fault::Resent));
     for _ in 0..300 {
         walk(&mut server);
         server.cycle().unwrap();
@@ -78,6 +100,7 @@ fn a_wrong_counter_is_no_reading() {
     assert_eq!(server.cycle(), Err(Fault::WorkingCounter { expected: 9, received: 8 }));
     assert_eq!(*server.drives.inputs(), before);
     server.wire.bench().faults.counter_less = 0;
+    assert_eq!(server.cycle(), Err(Fault::Resent));
     server.cycle().unwrap();
 }
 

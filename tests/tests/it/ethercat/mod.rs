@@ -2,6 +2,7 @@
 
 mod compensation;
 mod faults;
+mod lost_frames;
 mod offsets;
 mod refused;
 
@@ -28,8 +29,25 @@ fn section<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
 
 /// A bus whose drives have just been powered, at home.
 fn bus<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>) -> EmulatedBus<N, M> {
+    bus_of(robot, &section(robot))
+}
+
+/// The same, of the drives of a section.
+fn bus_of<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+    section: &Ethercat,
+) -> EmulatedBus<N, M> {
     let (_hand, tool) = load_generator();
-    emulated_bus(robot, &section(robot), tool).unwrap()
+    emulated_bus(robot, section, tool).unwrap()
+}
+
+/// The drives of an emulated bus with 10 nm to a count: the steps of offsets are whole counts.
+fn section_of_whole_steps<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
+    let mut section = section(robot);
+    for (drive, axis) in section.drives.iter_mut().zip(&robot.motors.axis_of_motor) {
+        drive.counts_per_q = 1e8 * robot.metres_per_q[*axis];
+    }
+    section
 }
 
 /// Opens a bus, moving back and forth by `motion_m`.
@@ -62,7 +80,16 @@ struct Server<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Server<N, M> {
     fn on<K: MachineKind<N>>(robot: &RobotFile<K, N>, bus: &EmulatedBus<N, M>, motion_m: f64) -> Self {
-        let mut plant = open(robot, &section(robot), bus, motion_m).unwrap();
+        Self::with(robot, &section(robot), bus, motion_m)
+    }
+
+    fn with<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        section: &Ethercat,
+        bus: &EmulatedBus<N, M>,
+        motion_m: f64,
+    ) -> Self {
+        let mut plant = open(robot, section, bus, motion_m).unwrap();
         let log = plant.fault_log();
         let (config, motors) = (robot.session_config(Capabilities::NONE).unwrap(), robot.motor_map().unwrap());
         let latch = StopLatch::volatile();
