@@ -21,6 +21,7 @@ pub mod experiment;
 pub mod faults;
 pub mod files;
 pub mod fit;
+pub mod follow;
 pub mod force_sensor;
 pub mod gauge_link;
 pub mod geometry;

@@ -61,6 +61,8 @@ pub struct RobotFile<K, const N: usize> {
     pub client: Client,
     /// `[drives]`; absent: drives that know no failure, no latency and no encoder.
     pub drives: Option<Drives>,
+    /// `[position_loop]`.
+    pub position_loop: Option<PositionLoopKeys>,
     /// Position loops of the server, of `[position_loop]` and `[drives]`; absent for drives that take positions.
     pub position_loops: Option<[LoopConfig; N]>,
     /// `[ethercat]`; absent in a file without a bus.
@@ -261,6 +263,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             sensor: sections.sensor,
             client: sections.client,
             drives: sections.drives,
+            position_loop: sections.position_loop,
             position_loops,
             ethercat: sections.ethercat,
             simulation: sections.simulation,

@@ -6,6 +6,7 @@ mod demo;
 mod draw;
 mod experiment;
 mod faults;
+mod follow;
 mod header;
 mod identify;
 mod labcomm;
@@ -51,6 +52,7 @@ enum Command {
     Client(client::Client),
     Monitor(monitor::Monitor),
     Faults(faults::Faults),
+    Follow(follow::Follow),
     Replay(replay::Replay),
     Workspace(workspace::Workspace),
     Draw(draw::Draw),
@@ -108,6 +110,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
         Command::Monitor(monitor) => monitor.run(),
         Command::Faults(faults) => faults.run(),
+        Command::Follow(follow) => run_on(AnyRobotFile::named(&follow.robot), follow),
         Command::Replay(replay) => replay.run(),
         Command::Workspace(workspace) => run_on(AnyRobotFile::named(&workspace.robot), workspace),
         Command::Draw(draw) => run_on(AnyRobotFile::named(&draw.robot), draw),

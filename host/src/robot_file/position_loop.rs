@@ -1,7 +1,7 @@
 //! `[position_loop]`: the loop of the server, for drives that take velocities (`drives.interface = "velocity"`).
 
 use gantry_tau_core::control::channel::{LimitValues, Limits};
-use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues, MAX_GAIN_TIMES_LAG};
+use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues, MAX_GAIN_TIMES_LAG, MAX_LAG};
 use gantry_tau_core::control::session::config::AxisConfig;
 use serde::Deserialize;
 
@@ -11,6 +11,8 @@ use crate::plant::OwnStop;
 use crate::server::velocity_interface::travel_margin_m;
 use crate::sim::drive::profile::Interface;
 
+/// Longest latency of command and measurement together, cycles: the references that a loop keeps.
+pub const MAX_LATENCY_CYCLES: u8 = MAX_LAG - 1;
 /// Smallest acceleration limit of the loop, in largest accelerations of the nominal path: a limiter that acts in normal motion
 /// destabilises a loop.
 const ACCELERATION_MARGIN: f64 = 1.2;
@@ -150,7 +152,16 @@ fn check_ranges(keys: &PositionLoopKeys, drives: &Drives) -> Result<(), Problem>
     own("path_m_per_s2", keys.path_m_per_s2, 0.1, 1e3)?;
     range("drives.watchdog_cycles", drives.watchdog_cycles.into(), 1.0, OwnStop::MAX_WATCHDOG_CYCLES.into())
         .map_err(|problem| Problem::new(problem.key, problem.reason + " (drives.interface is \"velocity\")"))?;
-    range("drives.following_error_um", drives.following_error_um, 1.0, 16_000.0)
+    range("drives.following_error_um", drives.following_error_um, 1.0, 16_000.0)?;
+    let latency = drives.command_delay_cycles.saturating_add(drives.actual_delay_cycles);
+    if latency > MAX_LATENCY_CYCLES {
+        let reason = format!(
+            "is {}, with drives.command_delay_cycles {latency} together; a position loop outside bears {MAX_LATENCY_CYCLES}",
+            drives.actual_delay_cycles
+        );
+        return Err(Problem::new("drives.actual_delay_cycles", reason));
+    }
+    Ok(())
 }
 
 /// The gain times the lag: beyond a half the loop is near its limit of stability.

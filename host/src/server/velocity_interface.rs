@@ -111,11 +111,7 @@ impl<const N: usize, const M: usize> VelocityInterface<N, M> {
         let axes = self.loops.tick(&inputs, self.accepted);
         let is_running = self.loops.is_running();
         self.has_run |= is_running;
-        let mut motors = [VelocityReference::default(); M];
-        for (motor, axis) in motors.iter_mut().zip(self.motors.axis_of_motor()) {
-            // Every axis of a motor map exists.
-            *motor = axes.get(*axis).copied().unwrap_or_default();
-        }
+        let motors = spread(&self.motors, &axes);
         let written = plant.write_velocity(&motors, is_running.then_some(followed.parts));
         self.accepted = written.is_ok();
         written?;
@@ -137,6 +133,15 @@ impl<const N: usize, const M: usize> VelocityInterface<N, M> {
             Permit::Run
         }
     }
+}
+
+/// Returns the reference of each motor: those of one axis get the same.
+pub(crate) fn spread<const N: usize, const M: usize>(
+    motors: &MotorMap<N, M>,
+    axes: &[VelocityReference; N],
+) -> [VelocityReference; M] {
+    // Every axis of a motor map exists.
+    motors.axis_of_motor().map(|axis| axes.get(axis).copied().unwrap_or_default())
 }
 
 /// Returns the smallest distance from an end of the path's travel to the machine's, m.

@@ -151,6 +151,21 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         std::array::from_fn(|axis| drive::mean(self.drives_of(axis).map(Drive::position_m)))
     }
 
+    /// Returns the load of the machine on each motor of an axis, N along the guideway.
+    #[must_use]
+    pub fn motor_loads_n(&self) -> [f64; N] {
+        std::array::from_fn(|axis| self.motor_load_n(axis))
+    }
+
+    /// Power is the same in both units: `tau dq = F dx`.
+    fn axis_load_n(&self, axis: usize) -> f64 {
+        self.loaded.axis_loads[axis] / self.metres_per_q[axis]
+    }
+
+    fn motor_load_n(&self, axis: usize) -> f64 {
+        self.axis_load_n(axis) / self.drives_of(axis).count() as f64
+    }
+
     /// Runs one cycle of 1 ms.
     fn advance(&mut self) -> Result<(), &'static str> {
         self.load = self.tool.load();
@@ -158,20 +173,8 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             let pushed = workpiece.force_n(&self.loaded.pose.translation_m);
             self.load.force_n = std::array::from_fn(|axis| self.load.force_n[axis] + pushed[axis]);
         }
-        let axis_of_motor = self.motors.axis_of_motor();
-        for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
-            if self.carts[axis].is_none() {
-                let motors = axis_of_motor.iter().filter(|other| **other == axis).count() as f64;
-                // Power is the same in both units: tau dq = F dx.
-                drive.advance(self.loaded.axis_loads[axis] / self.metres_per_q[axis] / motors);
-            }
-        }
-        for (axis, cart) in self.carts.iter_mut().enumerate() {
-            if let Some(cart) = cart {
-                let load_n = self.loaded.axis_loads[axis] / self.metres_per_q[axis];
-                coupled::advance(&mut self.drives, |motor| axis_of_motor[motor] == axis, cart, load_n);
-            }
-        }
+        let (axis_loads, motor_loads) = (std::array::from_fn(|axis| self.axis_load_n(axis)), self.motor_loads_n());
+        self.advance_drives(&axis_loads, &motor_loads);
         self.stop_partners();
         self.settle_platform().map_err(|_| "the springs find no equilibrium under this load")?;
         self.sample = self.sensor.sample(&Vector6::from(self.load.wrench()), &self.loaded.pose.rotation);
@@ -194,6 +197,21 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             *report = drive::report(self.drives_of(axis)).map_err(|_| "an axis has left the range of positions")?;
         }
         Ok(actual)
+    }
+
+    /// Runs one cycle of the drives under the loads on axes and on single motors, N.
+    fn advance_drives(&mut self, axis_loads_n: &[f64; N], motor_loads_n: &[f64; N]) {
+        let axis_of_motor = self.motors.axis_of_motor();
+        for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
+            if self.carts[axis].is_none() {
+                drive.advance(motor_loads_n[axis]);
+            }
+        }
+        for (axis, cart) in self.carts.iter_mut().enumerate() {
+            if let Some(cart) = cart {
+                coupled::advance(&mut self.drives, |motor| axis_of_motor[motor] == axis, cart, axis_loads_n[axis]);
+            }
+        }
     }
 
     /// Stops every drive of an axis of which one has stopped by itself.

@@ -19,6 +19,7 @@ mod exhaustion;
 mod experiment;
 #[cfg(unix)]
 mod faults;
+mod follow;
 mod header;
 mod identification;
 mod labcomm;
@@ -47,7 +48,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 16] = [
+    const COMMANDS: [&str; 17] = [
         "demo",
         "serve",
         "client",
@@ -58,6 +59,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         "calibrate",
         "verify",
         "faults",
+        "follow",
         "replay",
         "workspace",
         "draw",
@@ -70,7 +72,8 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         let help = folder.run(&[command, "--help"]).success();
         assert!(help.contains(&format!("gantry-tau {command}")), "{help}");
         // Found by reading: of three commands they were written down, and never shown.
-        let has_codes = !["serve", "plan", "workspace", "draw", "header", "labcomm", "solve"].contains(&command);
+        let has_codes =
+            !["serve", "follow", "plan", "workspace", "draw", "header", "labcomm", "solve"].contains(&command);
         assert_eq!(help.contains("Exit codes: 0 "), has_codes, "{help}");
         let help = folder.run(&["help", command]).success();
         assert!(help.contains("Usage:"), "{help}");

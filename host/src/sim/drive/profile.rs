@@ -24,7 +24,7 @@ pub const RATED_FORCE_N: f64 = 1000.0;
 /// Torque limit, in rated torques.
 pub const TORQUE_LIMIT: f64 = 3.0;
 /// Position loop: velocity per position error, 1/s.
-pub(super) const POSITION_GAIN: f64 = 150.0;
+pub const POSITION_GAIN: f64 = 150.0;
 /// Velocity loop: acceleration per velocity error, 1/s.
 pub(super) const VELOCITY_GAIN: f64 = 900.0;
 /// Velocity loop: time of its integral, s.

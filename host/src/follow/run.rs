@@ -1,0 +1,361 @@
+//! Runs of one loop on the simulated machine: along the path, and under the force step.
+
+use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
+use gantry_tau_core::control::endpoint::MotorMap;
+use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
+use gantry_tau_core::control::position_loop::{LoopInput, Permit, PositionLoops};
+use gantry_tau_core::units::PositionNm;
+
+use super::{FORCE_STEP_N, FollowError, Latency, LoopNumbers, MASS_ERROR, SPEED_M_PER_S};
+use crate::model::MachineKind;
+use crate::plant::Plant;
+use crate::robot_file::position_loop::gain_per_s;
+use crate::robot_file::{Drives, PositionLoopKeys, RobotFile};
+use crate::server::velocity_interface::spread;
+use crate::sim::drive::profile::Interface;
+use crate::sim::load_generator::{Load, load_generator};
+use crate::sim::machine::SimulatedMachine;
+use crate::sim::parameters::Motion;
+
+/// Axes that move: the carts.
+const CARTS: usize = 3;
+/// Cycles of acceleration, of the way at full speed, and of rest at the end.
+const RAMP: i64 = 250;
+const CRUISE: i64 = 250;
+const REST: i64 = 150;
+/// Length of the path, nm.
+const WAY_NM: i64 = 187_500_000;
+/// Cycles before the force step, and after it.
+const SETTLED: u32 = 300;
+const PUSHED: u32 = 200;
+/// Force that tells what loads the axes, N.
+const PROBE_N: f64 = 100.0;
+/// Displacement at which a cart counts as settled, m.
+const SETTLED_M: f64 = 1e-6;
+/// Following error that trips nothing here, um.
+const WIDE_UM: f64 = 16_000.0;
+/// Encoder of drives without `[drives]`: as good as none.
+const FINE_COUNTS: u32 = 1 << 30;
+
+/// Curves of a loop over time. One sample per cycle, of the first cart.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Curves {
+    /// Reference, mm from the start.
+    pub(super) reference_mm: Vec<f64>,
+    /// Lags without feed-forward, with that of the velocity, and with that of the torque, µm.
+    pub(super) plain_um: Vec<f64>,
+    pub(super) velocity_um: Vec<f64>,
+    pub(super) torque_um: Vec<f64>,
+    /// Torque of the last of these runs, per mille.
+    pub(super) permille: Vec<f64>,
+    /// Displacement of the cart after the force step, µm.
+    pub(super) pushed_um: Vec<f64>,
+}
+
+/// Numbers and curves of a loop.
+pub(super) struct Measured {
+    pub(super) numbers: LoopNumbers,
+    pub(super) curves: Curves,
+}
+
+/// One run along the path.
+struct Run {
+    lag_um: Vec<f64>,
+    permille: Vec<f64>,
+    worst_um: f64,
+}
+
+/// Machine of all runs.
+pub(super) struct Bench<K, const N: usize, const M: usize> {
+    robot: RobotFile<K, N>,
+    keys: PositionLoopKeys,
+    motors: MotorMap<N, M>,
+    home: [PositionNm; N],
+    /// 1 or -1: the way along which all carts have room.
+    direction: i64,
+}
+
+impl<K: MachineKind<N>, const N: usize, const M: usize> Bench<K, N, M> {
+    /// Prepares the machine of a robot file: its jump is left out, and no drive trips.
+    pub(super) fn new(robot: &RobotFile<K, N>) -> Result<Self, FollowError> {
+        let mut robot = robot.clone();
+        robot.simulation.jump_gap_m = 0.0;
+        let usual = Drives { encoder_counts_per_turn: FINE_COUNTS, ..Drives::default() };
+        robot.drives = Some(Drives { following_error_um: WIDE_UM, ..robot.drives.unwrap_or(usual) });
+        let keys = robot.position_loop.clone().unwrap_or_default();
+        if keys.max_m_per_s < 1.1 * SPEED_M_PER_S {
+            let reason = format!("the path moves at {SPEED_M_PER_S} m/s; position_loop.max_m_per_s must be larger");
+            return Err(FollowError::Machine(format!("{}: {reason}", robot.name)));
+        }
+        let (motors, home_q) = (robot.motor_map()?, robot.home_q()?);
+        let mut home = [PositionNm(0); N];
+        for (home, (q, metres)) in home.iter_mut().zip(home_q.iter().zip(&robot.metres_per_q)) {
+            *home = PositionNm((q * metres * 1e9).round() as i64);
+        }
+        let has_room = |direction: i64| {
+            let ends = home.iter().zip(&robot.limits).take(CARTS);
+            ends.into_iter().all(|(home, limits)| {
+                let end = home.0 + direction * WAY_NM;
+                (limits.nominal_travel.lower.0..=limits.nominal_travel.upper.0).contains(&end)
+            })
+        };
+        let no_room = || {
+            let way_mm = WAY_NM / 1_000_000;
+            FollowError::Machine(format!("{}: the carts have no room for a way of {way_mm} mm from home", robot.name))
+        };
+        let direction = [1, -1].into_iter().find(|direction| has_room(*direction)).ok_or_else(no_room)?;
+        Ok(Self { robot, keys, motors, home, direction })
+    }
+
+    /// Measures the loop in the drive, without latency.
+    pub(super) fn inside(&self) -> Result<Measured, FollowError> {
+        let of = |percent: f64| Loop::Inside { feed_forward_percent: percent };
+        let (plain, velocity) = (self.path(&of(0.0))?, self.path(&of(100.0))?);
+        let (pushed_um, settled_ms) = self.push(&of(100.0))?;
+        let numbers = LoopNumbers {
+            latency: None,
+            gain_per_s: crate::sim::drive::profile::POSITION_GAIN,
+            plain_um: plain.worst_um,
+            misaligned_um: None,
+            velocity_um: velocity.worst_um,
+            torque_um: None,
+            wrong_mass_um: None,
+            pushed_um: largest(&pushed_um),
+            settled_ms,
+        };
+        let curves = Curves {
+            reference_mm: self.reference_mm(),
+            plain_um: plain.lag_um,
+            velocity_um: velocity.lag_um,
+            torque_um: Vec::new(),
+            permille: velocity.permille,
+            pushed_um,
+        };
+        Ok(Measured { numbers, curves })
+    }
+
+    /// Measures the loop outside the drive.
+    pub(super) fn outside(&self, latency: Latency) -> Result<Measured, FollowError> {
+        let drives = self.drives(Interface::Velocity, latency, 0.0);
+        let values = self.keys.values(&drives).map_err(|problem| {
+            FollowError::Machine(format!("{}: {}: {}", self.robot.name, problem.key, problem.reason))
+        })?;
+        let gain = gain_per_s(latency.command_cycles.saturating_add(latency.actual_cycles));
+        let values = LoopValues { gain: (gain * 65.536).round() as u16, ..values };
+        let loops = |change: &dyn Fn(LoopValues) -> LoopValues| -> Result<Loop, FollowError> {
+            let config = LoopConfig::new(change(values)).map_err(|error| FollowError::Machine(error.to_string()))?;
+            Ok(Loop::Outside { config, latency })
+        };
+        let no_torque = |values: LoopValues| LoopValues { torque_feed_forward: 0, ..values };
+        let heavier = |weight: u16| (f64::from(weight) * (1.0 + MASS_ERROR)).round() as u16;
+        let plain = self.path(&loops(&|values| LoopValues { velocity_feed_forward: 0, ..no_torque(values) })?)?;
+        let misaligned = self.path(&loops(&|values| LoopValues { lag: 0, ..no_torque(values) })?)?;
+        let velocity = self.path(&loops(&no_torque)?)?;
+        let torque = self.path(&loops(&|values| values)?)?;
+        let wrong_mass = self.path(&loops(&|values| LoopValues {
+            torque_feed_forward: heavier(values.torque_feed_forward),
+            ..values
+        })?)?;
+        let (pushed_um, settled_ms) = self.push(&loops(&|values| values)?)?;
+        let numbers = LoopNumbers {
+            latency: Some(latency),
+            gain_per_s: gain,
+            plain_um: plain.worst_um,
+            misaligned_um: Some(misaligned.worst_um),
+            velocity_um: velocity.worst_um,
+            torque_um: Some(torque.worst_um),
+            wrong_mass_um: Some(wrong_mass.worst_um),
+            pushed_um: largest(&pushed_um),
+            settled_ms,
+        };
+        let curves = Curves {
+            reference_mm: self.reference_mm(),
+            plain_um: plain.lag_um,
+            velocity_um: velocity.lag_um,
+            torque_um: torque.lag_um,
+            permille: torque.permille,
+            pushed_um,
+        };
+        Ok(Measured { numbers, curves })
+    }
+
+    fn drives(&self, interface: Interface, latency: Latency, feed_forward_percent: f64) -> Drives {
+        Drives {
+            interface,
+            command_delay_cycles: latency.command_cycles,
+            actual_delay_cycles: latency.actual_cycles,
+            velocity_feed_forward_percent: feed_forward_percent,
+            ..self.robot.drives.clone().unwrap_or_default()
+        }
+    }
+
+    fn reference_mm(&self) -> Vec<f64> {
+        (1..=cycles()).map(|cycle| self.direction as f64 * way_nm(cycle) as f64 * 1e-6).collect()
+    }
+
+    /// References of a cycle.
+    fn references(&self, cycle: i64) -> [PositionNm; N] {
+        let mut references = self.home;
+        for reference in references.iter_mut().take(CARTS) {
+            reference.0 += self.direction * way_nm(cycle);
+        }
+        references
+    }
+
+    /// Follows the path.
+    fn path(&self, of: &Loop) -> Result<Run, FollowError> {
+        let (_hand, tool) = load_generator();
+        let mut machine = of.machine(self, tool)?;
+        let mut follower = Follower::new(self, of);
+        let mut run = Run { lag_um: Vec::new(), permille: Vec::new(), worst_um: 0.0 };
+        let command_cycles = i64::from(of.latency().command_cycles);
+        for cycle in 1..=cycles() {
+            let actual = follower.cycle(&mut machine, &self.references(cycle))?;
+            // The reference that could have acted by now.
+            let acted = self.references(cycle - command_cycles);
+            let lags = acted.iter().zip(machine.positions_m()).take(CARTS);
+            let lags: Vec<f64> = lags.map(|(reference, metres)| reference.0 as f64 * 1e-3 - metres * 1e6).collect();
+            run.worst_um = lags.iter().fold(run.worst_um, |worst, lag| worst.max(lag.abs()));
+            run.lag_um.push(lags.first().map_or(0.0, |lag| lag * self.direction as f64));
+            run.permille.push(actual.first().map_or(0.0, |axis| f64::from(axis.torque.0)));
+        }
+        Ok(run)
+    }
+
+    /// Stands at home, and takes the force step. Returns the displacements of the cart that takes most, µm, and the milliseconds to rest.
+    fn push(&self, of: &Loop) -> Result<(Vec<f64>, u32), FollowError> {
+        let (mut hand, tool) = load_generator();
+        let mut machine = of.machine(self, tool)?;
+        let mut follower = Follower::new(self, of);
+        let mut pull = |newtons: f64| {
+            let load = Load { step: 1, force_n: [newtons, 0.0, 0.0], moment_nm: [0.0; 3] };
+            hand.set(&load).map_err(|refused| FollowError::Machine(refused.to_string()))
+        };
+        let rest = |machine: &mut SimulatedMachine<N, M>, follower: &mut Follower<N, M>| {
+            (0..SETTLED).try_for_each(|_| follower.cycle(machine, &self.home).map(|_| ()))
+        };
+        pull(PROBE_N)?;
+        rest(&mut machine, &mut follower)?;
+        let loads_n = machine.motor_loads_n();
+        let carts = loads_n.iter().take(CARTS).map(|load| load.abs()).enumerate();
+        let (cart, most_n) = carts.max_by(|one, other| one.1.total_cmp(&other.1)).unwrap_or((0, PROBE_N));
+        pull(0.0)?;
+        rest(&mut machine, &mut follower)?;
+        let before_m = machine.positions_m();
+        pull(PROBE_N * FORCE_STEP_N / most_n)?;
+        let (mut pushed_um, mut settled_ms) = (Vec::new(), 0);
+        for millisecond in 1..=PUSHED {
+            follower.cycle(&mut machine, &self.home)?;
+            let now_m = machine.positions_m();
+            let off_m = (now_m.get(cart).unwrap_or(&0.0) - before_m.get(cart).unwrap_or(&0.0)).abs();
+            pushed_um.push(off_m * 1e6);
+            if off_m >= SETTLED_M {
+                settled_ms = millisecond;
+            }
+        }
+        Ok((pushed_um, settled_ms))
+    }
+}
+
+/// A loop to be measured.
+enum Loop {
+    Inside { feed_forward_percent: f64 },
+    Outside { config: LoopConfig, latency: Latency },
+}
+
+impl Loop {
+    const fn latency(&self) -> Latency {
+        match self {
+            Self::Inside { .. } => Latency::new(0, 0),
+            Self::Outside { latency, .. } => *latency,
+        }
+    }
+
+    fn machine<K: MachineKind<N>, const N: usize, const M: usize>(
+        &self,
+        bench: &Bench<K, N, M>,
+        tool: crate::sim::load_generator::AppliedLoad,
+    ) -> Result<SimulatedMachine<N, M>, FollowError> {
+        let (interface, percent) = match self {
+            Self::Inside { feed_forward_percent } => (Interface::Position, *feed_forward_percent),
+            Self::Outside { .. } => (Interface::Velocity, 0.0),
+        };
+        let drives = Some(bench.drives(interface, self.latency(), percent));
+        let robot = RobotFile { drives, ..bench.robot.clone() };
+        Ok(robot.simulated_machine(tool, Motion::Hold)?)
+    }
+}
+
+/// Hands references to a machine, as a server's cycle does.
+struct Follower<const N: usize, const M: usize> {
+    motors: MotorMap<N, M>,
+    loops: Option<PositionLoops<N>>,
+    has_run: bool,
+    actual: [Actual; N],
+}
+
+impl<const N: usize, const M: usize> Follower<N, M> {
+    fn new<K>(bench: &Bench<K, N, M>, of: &Loop) -> Self {
+        let loops = match of {
+            Loop::Inside { .. } => None,
+            Loop::Outside { config, .. } => Some(PositionLoops::at_rest([*config; N], bench.home)),
+        };
+        let actual = bench.home.map(|position| Actual { position, ..Actual::ZERO });
+        Self { motors: bench.motors, loops, has_run: false, actual }
+    }
+
+    /// Writes the references of a cycle, and runs it. Returns what was measured at its end.
+    fn cycle(
+        &mut self,
+        machine: &mut SimulatedMachine<N, M>,
+        positions: &[PositionNm; N],
+    ) -> Result<[Actual; N], FollowError> {
+        let failed = |error: crate::plant::PlantError| FollowError::Machine(error.to_string());
+        let Offsets { velocity, torque, .. } = Offsets::ZERO;
+        let references =
+            positions.map(|position| Reference { position, velocity_offset: velocity, torque_offset: torque });
+        let parts = positions.map(InForce::at);
+        if let Some(loops) = &mut self.loops {
+            let permit = if self.has_run { Permit::Run } else { Permit::Rearm };
+            let mut inputs = references.map(|reference| LoopInput { reference, actual: None, permit });
+            for (input, actual) in inputs.iter_mut().zip(&self.actual) {
+                input.actual = Some(actual.position);
+            }
+            let axes = loops.tick(&inputs, true);
+            self.has_run = true;
+            if let Some((axis, stop)) = loops.stop() {
+                return Err(FollowError::Machine(format!("the loop of axis {} has stopped: {stop:?}", axis + 1)));
+            }
+            machine.write_velocity(&spread(&self.motors, &axes), Some(&parts)).map_err(failed)?;
+        } else if let Some(motors) = self.motors.spread(&references) {
+            machine.write(&motors, &parts).map_err(failed)?;
+        }
+        self.actual = machine.read(1).map_err(failed)?.actual;
+        Ok(self.actual)
+    }
+}
+
+const fn cycles() -> i64 {
+    RAMP + CRUISE + RAMP + REST
+}
+
+/// Way along the path at a cycle, nm: integers, so nothing is rounded. 2 m/s^2 are 2 nm per ms^2 in a thousand.
+const fn way_nm(cycle: i64) -> i64 {
+    let (ramp_nm, speed) = (RAMP * RAMP * 1_000, 2 * RAMP * 1_000);
+    if cycle <= 0 {
+        0
+    } else if cycle <= RAMP {
+        cycle * cycle * 1_000
+    } else if cycle <= RAMP + CRUISE {
+        ramp_nm + (cycle - RAMP) * speed
+    } else if cycle <= 2 * RAMP + CRUISE {
+        let left = 2 * RAMP + CRUISE - cycle;
+        2 * ramp_nm + CRUISE * speed - left * left * 1_000
+    } else {
+        2 * ramp_nm + CRUISE * speed
+    }
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most: f64, value| most.max(*value))
+}
