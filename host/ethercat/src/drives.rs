@@ -148,6 +148,12 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         self.condition
     }
 
+    /// Returns the references that were sent last.
+    #[must_use]
+    pub const fn sent(&self) -> &[Target; M] {
+        &self.sent
+    }
+
     /// True if the drives are known to have the references that were sent last.
     #[must_use]
     pub const fn is_confirmed(&self) -> bool {

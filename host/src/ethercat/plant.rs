@@ -231,8 +231,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
             self.stand();
         }
         let wanted = match (self.drives.takes_targets(), is_running) {
-            // What was sent before is sent again.
-            (false, _) => Some([Target::default(); M]),
+            (false, _) => Some(*self.drives.sent()),
             (true, true) => demanded(&self.motors, references, parts),
             (true, false) => targets(&self.motors, &self.in_force),
         };

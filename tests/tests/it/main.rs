@@ -14,6 +14,7 @@ mod calibration;
 mod campaigns;
 mod client_over_datagrams;
 mod datagrams;
+mod drive_theorem;
 mod embedding;
 #[cfg(target_os = "linux")]
 mod ethercat;

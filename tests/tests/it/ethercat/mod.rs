@@ -33,7 +33,7 @@ fn bus<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N
 }
 
 /// The same, of the drives of a section.
-fn bus_of<K: MachineKind<N>, const N: usize, const M: usize>(
+pub(crate) fn bus_of<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
     section: &Ethercat,
 ) -> EmulatedBus<N, M> {
@@ -42,7 +42,7 @@ fn bus_of<K: MachineKind<N>, const N: usize, const M: usize>(
 }
 
 /// The drives of an emulated bus with 10 nm to a count: the steps of offsets are whole counts.
-fn section_of_whole_steps<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
+pub(crate) fn section_of_whole_steps<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
     let mut section = section(robot);
     for (drive, axis) in section.drives.iter_mut().zip(&robot.motors.axis_of_motor) {
         drive.counts_per_q = 1e8 * robot.metres_per_q[*axis];
