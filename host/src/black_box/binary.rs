@@ -36,7 +36,7 @@ pub(super) fn decode<const N: usize>(name: &str, bytes: &[u8]) -> Result<Window<
     let before = parts.read()?;
     let entries: Vec<_> = (0..ticks).map(|_| parts.read()).collect::<Result<_, _>>()?;
     if parts.rest.is_empty() {
-        Ok(Window { before, entries })
+        Ok(Window { before, entries, loops: None })
     } else {
         let more = parts.rest.len();
         let reason = format!("{more} bytes follow the {ticks} ticks that part 0 announces");

@@ -7,12 +7,20 @@ use serde_json::Value;
 
 use super::{FileError, Window};
 
-/// Name of the format, in the first line.
-const FORMAT: &str = "gantry-tau black box";
-/// Version of the layout.
-const VERSION: u32 = 3;
+/// Label of the files of sessions.
+const LABEL: Label = Label { format: "gantry-tau black box", version: 3, what: "a black box of gantry-tau" };
 /// Number of lines before the first tick.
 const HEAD: usize = 2;
+
+/// Names of a kind of file.
+pub(super) struct Label {
+    /// Name of the format, in the first line.
+    pub(super) format: &'static str,
+    /// Version of the layout.
+    pub(super) version: u32,
+    /// The kind in errors.
+    pub(super) what: &'static str,
+}
 
 /// The first line.
 #[derive(Serialize, Deserialize)]
@@ -27,36 +35,30 @@ impl<const N: usize> Window<N> {
     /// Returns the text of a file with this window.
     #[must_use]
     pub fn encode(&self) -> String {
-        let head = Head { format: FORMAT.to_owned(), version: VERSION, axes: N, ticks: self.entries.len() };
-        let mut lines = vec![json(&head), json(&self.before)];
+        let mut lines = vec![head(&LABEL, N, self.entries.len()), json(&self.before)];
         lines.extend(self.entries.iter().map(json));
         lines.push(String::new());
         lines.join("\n")
     }
 }
 
+/// Returns the first line of a file.
+pub(super) fn head(label: &Label, axes: usize, ticks: usize) -> String {
+    json(&Head { format: label.format.to_owned(), version: label.version, axes, ticks })
+}
+
 /// As [`super::axes`].
 pub(super) fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
-    Lines::of(name, bytes).head().map(|head| head.axes)
+    Lines::of(name, bytes, &LABEL).axes()
 }
 
 /// As [`Window::decode`].
 pub(super) fn decode<const N: usize>(name: &str, bytes: &[u8]) -> Result<Window<N>, FileError> {
-    let lines = Lines::of(name, bytes);
-    let head = lines.head()?;
-    if head.axes != N {
-        return Err(lines.refuse(1, format!("axes is {}, expected {N}", head.axes)));
-    }
+    let lines = Lines::of(name, bytes, &LABEL);
+    let numbers = lines.ticks(N)?;
     let before = lines.read(2)?;
-    let last = lines.lines.len();
-    let found = last.saturating_sub(HEAD);
-    if found != head.ticks {
-        let announced = head.ticks;
-        let reason = format!("the file ends with {found} ticks, line 1 announces {announced}");
-        return Err(lines.refuse(last, reason));
-    }
-    let entries = (1..=head.ticks).map(|number| lines.read(HEAD + number));
-    Ok(Window { before, entries: entries.collect::<Result<_, _>>()? })
+    let entries = numbers.map(|number| lines.read(number));
+    Ok(Window { before, entries: entries.collect::<Result<_, _>>()?, loops: None })
 }
 
 /// Returns the path of the first field in which two outputs differ, and its JSON in each.
@@ -91,32 +93,64 @@ fn difference(left: &Value, right: &Value) -> Option<(String, String, String)> {
 }
 
 /// Returns a value as JSON. Core's types have no value without; an error would stand in the line, which no reader takes.
-fn json(value: &impl Serialize) -> String {
+pub(super) fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_else(|error| error.to_string())
 }
 
 /// The lines of a file, counted from 1.
-struct Lines<'a> {
+pub(super) struct Lines<'a> {
     name: &'a str,
     lines: Vec<&'a [u8]>,
+    label: &'a Label,
 }
 
 impl<'a> Lines<'a> {
-    fn of(name: &'a str, bytes: &'a [u8]) -> Self {
+    pub(super) fn of(name: &'a str, bytes: &'a [u8], label: &'a Label) -> Self {
         let whole = bytes.strip_suffix(b"\n").unwrap_or(bytes);
-        Self { name, lines: whole.split(|byte| *byte == b'\n').collect() }
+        Self { name, lines: whole.split(|byte| *byte == b'\n').collect(), label }
+    }
+
+    /// The first line, whatever it is.
+    fn first(&self) -> Value {
+        let first = self.lines.first().copied().unwrap_or_default();
+        serde_json::from_slice(first).unwrap_or_default()
+    }
+
+    /// True if the first line names the format.
+    pub(super) fn is_labelled(&self) -> bool {
+        self.first().get("format").and_then(Value::as_str) == Some(self.label.format)
+    }
+
+    /// Number of axes that the first line announces.
+    pub(super) fn axes(&self) -> Result<usize, FileError> {
+        self.head().map(|head| head.axes)
+    }
+
+    /// Checks the first line against the number of axes and of lines. Returns the numbers of the lines with ticks.
+    pub(super) fn ticks(&self, axes: usize) -> Result<std::ops::RangeInclusive<usize>, FileError> {
+        let head = self.head()?;
+        if head.axes != axes {
+            return Err(self.refuse(1, format!("axes is {}, expected {axes}", head.axes)));
+        }
+        let last = self.lines.len();
+        let found = last.saturating_sub(HEAD);
+        if found != head.ticks {
+            let announced = head.ticks;
+            let reason = format!("the file ends with {found} ticks, line 1 announces {announced}");
+            return Err(self.refuse(last, reason));
+        }
+        Ok(HEAD + 1..=last)
     }
 
     /// Reads the first line: format and version before anything else.
     fn head(&self) -> Result<Head, FileError> {
-        let first = self.lines.first().copied().unwrap_or_default();
-        let label: Value = serde_json::from_slice(first).unwrap_or_default();
-        if label.get("format").and_then(Value::as_str) != Some(FORMAT) {
-            return Err(self.refuse(1, "this is not a black box of gantry-tau"));
+        if !self.is_labelled() {
+            return Err(self.refuse(1, format!("this is not {}", self.label.what)));
         }
-        let version = label.get("version").unwrap_or(&Value::Null);
-        if version.as_u64() != Some(u64::from(VERSION)) {
-            let reason = format!("version is {version}; this program reads version {VERSION}");
+        let first = self.first();
+        let (version, known) = (first.get("version").unwrap_or(&Value::Null), self.label.version);
+        if version.as_u64() != Some(u64::from(known)) {
+            let reason = format!("version is {version}; this program reads version {known}");
             return Err(self.refuse(1, reason));
         }
         let head: Head = self.read(1)?;
@@ -127,7 +161,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Reads a line as one value, which must be written as [`json`] writes it: serde takes an absent field for `None`, and unknown ones.
-    fn read<T: Serialize + DeserializeOwned>(&self, number: usize) -> Result<T, FileError> {
+    pub(super) fn read<T: Serialize + DeserializeOwned>(&self, number: usize) -> Result<T, FileError> {
         let line = number.checked_sub(1).and_then(|index| self.lines.get(index));
         let Some(line) = line else {
             let reason = format!("the file ends here, line {number} is missing");
@@ -150,7 +184,7 @@ impl<'a> Lines<'a> {
         Ok(value)
     }
 
-    fn refuse(&self, line: usize, reason: impl Into<String>) -> FileError {
+    pub(super) fn refuse(&self, line: usize, reason: impl Into<String>) -> FileError {
         FileError { place: format!("{}, line {line}", self.name), reason: reason.into() }
     }
 }

@@ -17,6 +17,7 @@
 
 mod binary;
 mod json;
+pub mod loops;
 pub mod swap_channel;
 pub mod writer;
 
@@ -27,6 +28,7 @@ use gantry_tau_core::control::session::{BlackBox, Entry, Session};
 use gantry_tau_core::units::{Epoch, Tick};
 
 pub use json::first_difference;
+use loops::LoopsWindow;
 
 /// Half of a black box, in ticks: at least so many remain before and after a cause.
 pub const HALF: usize = 64;
@@ -38,6 +40,8 @@ pub struct Window<const N: usize> {
     pub before: Session<N>,
     /// Ticks, oldest first; at least one.
     pub entries: Vec<Entry<N>>,
+    /// The same ticks of the server's position loops, if it has any. A file of its own has them.
+    pub loops: Option<LoopsWindow<N>>,
 }
 
 /// The end of a session, or a stop, in a window.
@@ -74,7 +78,7 @@ impl<const N: usize> Window<N> {
     pub fn of<const HALF: usize>(black_box: &BlackBox<N, HALF>) -> Option<Self> {
         let before = *black_box.before()?;
         let entries: Vec<_> = black_box.entries().cloned().collect();
-        (!entries.is_empty()).then_some(Self { before, entries })
+        (!entries.is_empty()).then_some(Self { before, entries, loops: None })
     }
 
     /// Reads the window of a file in either form; `name` stands for the file in errors.
@@ -98,6 +102,12 @@ impl<const N: usize> Window<N> {
             epoch: output.map_or(self.before.epoch(), |output| output.state.epoch),
             cause: output.and_then(|output| output.ended),
         }
+    }
+
+    /// Returns the name of a file of this window's position loops.
+    #[must_use]
+    pub fn loops_file_name(&self) -> String {
+        self.file_name().replace(".jsonl", ".loops.jsonl")
     }
 
     /// Returns the name of a file of this window: epoch, tick and cause.

@@ -6,18 +6,25 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use gantry_tau_core::control::session::{BlackBox, Entry};
 
+use super::loops::{LoopsBox, LoopsWindow};
 use super::{HALF, Window};
 
 /// Full boxes that can wait for the receiver.
 const SPARES: usize = 4;
 
-/// A box of 360 kB at 3 axes, 540 kB at 6.
-type Parcel<const N: usize> = Box<BlackBox<N, HALF>>;
+/// The boxes of the session and of its position loops: some 390 kB at 3 axes, 600 kB at 6.
+#[derive(Debug, Default)]
+struct Recorded<const N: usize> {
+    session: BlackBox<N, HALF>,
+    loops: LoopsBox<N>,
+}
+
+type Parcel<const N: usize> = Box<Recorded<N>>;
 
 /// The cycle's end: the box that is being recorded, and the queue of full ones.
 #[derive(Debug)]
 pub struct Sender<const N: usize> {
-    black_box: Parcel<N>,
+    parcel: Parcel<N>,
     full: rtrb::Producer<Parcel<N>>,
     empty: rtrb::Consumer<Parcel<N>>,
     lost: Arc<AtomicU64>,
@@ -41,7 +48,7 @@ pub fn channel<const N: usize>() -> (Sender<N>, Receiver<N>) {
         let _ = empty_in.push(Box::default());
     }
     let lost = Arc::new(AtomicU64::new(0));
-    let sender = Sender { black_box: Box::default(), full, empty, lost: Arc::clone(&lost) };
+    let sender = Sender { parcel: Box::default(), full, empty, lost: Arc::clone(&lost) };
     let receiver = Receiver { full: full_out, empty: empty_in, lost };
     (sender, receiver)
 }
@@ -49,12 +56,17 @@ pub fn channel<const N: usize>() -> (Sender<N>, Receiver<N>) {
 impl<const N: usize> Sender<N> {
     /// Returns the box that is being recorded.
     pub fn black_box(&mut self) -> &mut BlackBox<N, HALF> {
-        &mut self.black_box
+        &mut self.parcel.session
+    }
+
+    /// Returns the box of the position loops. Every tick of the session must be a tick of it, or none.
+    pub fn loops(&mut self) -> &mut LoopsBox<N> {
+        &mut self.parcel.loops
     }
 
     /// Sends a frozen box, after which recording goes on. Without an empty box it stays frozen until there is one.
     pub fn send_frozen(&mut self) {
-        if self.black_box.is_frozen() {
+        if self.parcel.session.is_frozen() {
             self.swap();
         }
     }
@@ -62,7 +74,7 @@ impl<const N: usize> Sender<N> {
     /// Sends a box with an end in it, frozen or not. It cannot wait: without an empty box it is counted as lost.
     pub fn send_end(&mut self) {
         let is_end = |entry: &Entry<N>| entry.output.ended.is_some();
-        let has_end = self.black_box.entries().any(is_end);
+        let has_end = self.parcel.session.entries().any(is_end);
         if has_end && !self.swap() {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
@@ -71,14 +83,15 @@ impl<const N: usize> Sender<N> {
     /// Sends the end of the last session, which was kept until now, and begins a recording.
     pub fn begin(&mut self) {
         self.send_end();
-        self.black_box.release();
+        self.parcel.session.release();
+        self.parcel.loops.release();
     }
 
     fn swap(&mut self) -> bool {
         let Ok(empty) = self.empty.pop() else {
             return false;
         };
-        let full = std::mem::replace(&mut self.black_box, empty);
+        let full = std::mem::replace(&mut self.parcel, empty);
         self.full.push(full).is_ok()
     }
 }
@@ -87,8 +100,10 @@ impl<const N: usize> Receiver<N> {
     /// Returns the next window that was sent. Its box goes back empty.
     pub fn receive(&mut self) -> Option<Window<N>> {
         let mut parcel = self.full.pop().ok()?;
-        let window = Window::of(&parcel);
-        parcel.release();
+        let loops = LoopsWindow::of(&parcel.loops);
+        let window = Window::of(&parcel.session).map(|window| Window { loops, ..window });
+        parcel.session.release();
+        parcel.loops.release();
         // There is room, see `channel`; a cycle that has ended needs no boxes.
         let _ = self.empty.push(parcel);
         window

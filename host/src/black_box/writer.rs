@@ -61,7 +61,11 @@ impl<const N: usize> Writer<N> {
     fn write(&mut self, window: &Window<N>) {
         let path = self.folder.join(window.file_name());
         let written = if self.written < MAX_FILES {
-            create(&path, &window.encode()).map_err(|error| FileError::of(&path, error))
+            create(&path, &window.encode()).map_err(|error| FileError::of(&path, error)).and_then(|()| {
+                let Some(loops) = &window.loops else { return Ok(()) };
+                let path = self.folder.join(window.loops_file_name());
+                create(&path, &loops.encode()).map_err(|error| FileError::of(&path, error))
+            })
         } else {
             let reason = format!("{MAX_FILES} black boxes are written; a run writes no more");
             Err(FileError::of(&path, reason))

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use gantry_tau_core::control::session::{Entry, Output, replay};
 use serde::Serialize;
 
+use crate::black_box::loops::{self, LoopsWindow};
 use crate::black_box::{self, Window};
 use crate::files::write;
 use crate::terminal::say;
@@ -70,13 +71,22 @@ pub struct Difference {
     pub replayed: String,
 }
 
-/// Replays a file, prints the findings, writes the files that are wanted.
+/// Replays a file, prints the findings, writes the files that are wanted. Returns true if all outputs agree.
 ///
 /// # Errors
 /// The file is not a black box ([`black_box::FileError`]), or a file cannot be written ([`crate::files::WriteError`]).
-pub fn run(options: &ReplayOptions) -> Result<Findings, Box<dyn Error>> {
+pub fn run(options: &ReplayOptions) -> Result<bool, Box<dyn Error>> {
     let name = options.file.display().to_string();
     let bytes = black_box::bytes(&options.file)?;
+    if loops::is_of_loops(&bytes) {
+        if options.plot.is_some() || options.json.is_some() {
+            return Err(format!("{name}: --plot and --json are for black boxes of sessions").into());
+        }
+        return match loops::axes(&name, &bytes)? {
+            6 => examine_loops::<6>(&name, &bytes),
+            _ => examine_loops::<3>(&name, &bytes),
+        };
+    }
     match black_box::axes(&name, &bytes)? {
         6 => examine::<6>(options, &name, &bytes),
         // Refuses any other number of axes, with its line.
@@ -84,7 +94,23 @@ pub fn run(options: &ReplayOptions) -> Result<Findings, Box<dyn Error>> {
     }
 }
 
-fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) -> Result<Findings, Box<dyn Error>> {
+/// Replays a black box of position loops. Returns true if all outputs agree.
+fn examine_loops<const N: usize>(name: &str, bytes: &[u8]) -> Result<bool, Box<dyn Error>> {
+    let window = LoopsWindow::<N>::decode(name, bytes)?;
+    let (ticks, (agreeing, differing)) = (window.ticks.len(), window.replay());
+    let Some((replayed, tick)) = differing.zip(window.ticks.get(agreeing)) else {
+        say(format_args!("{name}\n  {N} axes, position loops\n  replay    all {ticks} ticks agree bit for bit"));
+        return Ok(true);
+    };
+    let recorded = tick.output;
+    say(format_args!(
+        "{name}\n  {N} axes, position loops\n  replay    {agreeing} of {ticks} ticks agree, then DIFFERS\n  \
+                    recorded {recorded:?}\n  replayed {replayed:?}"
+    ));
+    Ok(false)
+}
+
+fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) -> Result<bool, Box<dyn Error>> {
     let window = Window::<N>::decode(name, bytes)?;
     let findings = Findings::of(&window);
     let summary = format!("{name}\n{findings}");
@@ -100,7 +126,7 @@ fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) ->
         let json = json.unwrap_or_else(|error| error.to_string());
         write(path, &json)?;
     }
-    Ok(findings)
+    Ok(findings.difference.is_none())
 }
 
 impl Findings {

@@ -260,9 +260,10 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
                     withheld: output.withheld,
                     actual: reading.map(|reading| &reading.actual),
                     phase: output.state.phase,
+                    ends: output.ended.is_some(),
                     demands,
                 };
-                velocity.write(&mut self.plant, &followed)
+                velocity.write(&mut self.plant, &followed, self.black_boxes.as_mut().map(Sender::loops))
             }),
         };
         self.write_failed = !matches!(written, Some(Ok(())));

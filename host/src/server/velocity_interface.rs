@@ -11,6 +11,7 @@ use gantry_tau_core::control::position_loop::{LoopInput, LoopStop, Permit, Posit
 use gantry_tau_core::control::session::config::AxisConfig;
 
 use super::cycle::Demands;
+use crate::black_box::loops::{LoopsBox, LoopsInput};
 use crate::plant::{OwnStop, Plant, PlantError};
 
 /// Position loops of a machine with `N` axes and `M` motors.
@@ -37,6 +38,8 @@ pub struct Followed<'a, const N: usize> {
     pub actual: Option<&'a [Actual; N]>,
     /// Phase after the tick.
     pub phase: Phase,
+    /// A session, or what goes on without one, ended in this tick.
+    pub ends: bool,
     /// Switches at the machine.
     pub demands: Demands,
 }
@@ -102,13 +105,23 @@ impl<const N: usize, const M: usize> VelocityInterface<N, M> {
     ///
     /// # Errors
     /// The axes do not follow the references, or the machine did not take the velocities.
-    pub fn write<P: Plant<N, M>>(&mut self, plant: &mut P, followed: &Followed<'_, N>) -> Result<(), PlantError> {
+    pub fn write<P: Plant<N, M>>(
+        &mut self,
+        plant: &mut P,
+        followed: &Followed<'_, N>,
+        recorder: Option<&mut LoopsBox<N>>,
+    ) -> Result<(), PlantError> {
         let permit = self.permit(followed);
         let mut inputs = followed.references.map(|reference| LoopInput { reference, actual: None, permit });
         for (input, actual) in inputs.iter_mut().zip(followed.actual.into_iter().flatten()) {
             input.actual = Some(actual.position);
         }
-        let axes = self.loops.tick(&inputs, self.accepted);
+        let (before, accepted) = (self.loops, self.accepted);
+        let axes = self.loops.tick(&inputs, accepted);
+        if let Some(recorder) = recorder {
+            recorder.before_tick(&before);
+            recorder.after_tick(&LoopsInput { accepted, axes: inputs }, &axes, followed.ends);
+        }
         let is_running = self.loops.is_running();
         self.has_run |= is_running;
         let motors = spread(&self.motors, &axes);

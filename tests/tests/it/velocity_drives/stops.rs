@@ -201,3 +201,52 @@ fn the_way_of_a_stop_is_within_the_travel_that_the_file_must_leave() {
         assert!(f64::from(i32::try_from(margin).unwrap()) * 1e-6 > LONGEST_MM);
     }
 }
+
+/// The box of the loops has the ticks of the session's, and both replay bit for bit; an edited digit is found.
+#[test]
+fn the_black_box_of_a_stop_replays() {
+    use gantry_tau::black_box::loops::LoopsWindow;
+    use gantry_tau::black_box::swap_channel;
+    use gantry_tau_core::control::session::replay;
+
+    let mut server = Server::moving();
+    let (sender, mut windows) = swap_channel::channel();
+    server.cycle = server.cycle.with_black_box(sender);
+    server.at_full_speed();
+    server.step(Demands { stop: true, rearm: false });
+    until_rest(&mut server, Demands::default());
+    for _ in 0..100 {
+        server.tick();
+    }
+    let window = windows.receive().unwrap();
+    assert_eq!(replay(&window.before, &window.entries).agreeing, window.entries.len());
+    let loops = window.loops.clone().unwrap();
+    assert_eq!(loops.ticks.len(), window.entries.len());
+    for (tick, entry) in loops.ticks.iter().zip(&window.entries) {
+        assert_eq!(tick.input.axes.map(|axis| axis.reference), entry.output.references);
+        let read = entry.input.tick.reading.unwrap();
+        assert_eq!(tick.input.axes.map(|axis| axis.actual), read.actual.map(|axis| Some(axis.position)));
+    }
+    assert_eq!(loops.replay(), (loops.ticks.len(), None));
+    let moved = loops.ticks.iter().filter(|tick| tick.output[0].velocity.0 > 400_000).count();
+    let stopped = loops.ticks.iter().filter(|tick| tick.output[0].velocity.0 == 0).count();
+    assert!(moved > 10 && stopped > 10, "{moved}, {stopped}");
+
+    let text = loops.encode();
+    assert_eq!(LoopsWindow::decode("x", text.as_bytes()), Ok(loops.clone()));
+    assert!(window.loops_file_name().ends_with("-Stop.loops.jsonl"), "{}", window.loops_file_name());
+    let mut edited = loops.clone();
+    edited.ticks[40].input.axes[1].reference.position.0 += 1_000;
+    let (agreeing, differing) = edited.replay();
+    assert!((40..45).contains(&agreeing) && differing.is_some(), "{agreeing}");
+    for (from, to, reason) in [
+        ("\"version\":1", "\"version\":2", "x, line 1: version is 2; this program reads version 1"),
+        ("position loops", "posts", "x, line 1: this is not a black box of position loops"),
+        ("\"axes\":3", "\"axes\":6", "x, line 1: axes is 6, expected 3"),
+        ("\"outside\":0,\"stop\":null", "\"outside\":10,\"stop\":null", "x, line 2: the state of the position loops"),
+        ("\"accepted\":true,", "", "x, line 3"),
+    ] {
+        let error = LoopsWindow::<N>::decode("x", text.replacen(from, to, 1).as_bytes()).unwrap_err().to_string();
+        assert!(error.starts_with(reason), "{error}");
+    }
+}
