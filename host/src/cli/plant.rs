@@ -66,7 +66,7 @@ impl Serve {
             let socket = gantry_tau_ethercat::RawSocket::open(interface)?;
             let mut plant = EthercatPlant::<_, N, M>::open(robot, section, socket, motion)?;
             let mut faults = plant.fault_log();
-            return self.serve(robot, plant, allowed, |_| faults.write());
+            return self.serve(robot, plant, allowed, |row| drop(faults.see(row.state.phase)));
         }
         let (hand, tool) = load_generator();
         let emulated = || Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
@@ -77,7 +77,7 @@ impl Serve {
         let mut load = self.load(hand);
         self.serve(robot, plant, allowed, |row| {
             load.update(row.state.phase, row.state.tick);
-            faults.write();
+            faults.see(row.state.phase);
         })
     }
 }

@@ -1,6 +1,7 @@
 //! A server's machine on a bus.
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
+use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_ethercat::{Condition, Drives, Fault, Input, Offset, PowerState, RawSocket, Target, Wire};
 
@@ -10,8 +11,8 @@ use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use crate::robot_file::CYCLE_US;
 use crate::sim::interpolator::Interpolator;
 
-/// Faults that wait to be logged.
-const FAULTS: usize = 64;
+/// Faults that may wait to be logged: one in each row of a server that waits.
+const FAULTS: usize = 4_096;
 /// What fails here.
 const OPERATION: &str = "exchange process data with the drives";
 
@@ -96,18 +97,37 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
 #[derive(Debug)]
 pub struct FaultLog {
     faults: rtrb::Consumer<Fault>,
-    last: Option<Fault>,
+    /// Faults logged since the last re-arm, and the cycles in which each came again.
+    logged: Vec<(Fault, u64)>,
+    phase: Phase,
 }
 
 impl FaultLog {
-    /// Logs faults with their motors and codes, each until another one comes.
-    pub fn write(&mut self) {
-        while let Some(fault) = self.next() {
-            if fault != Fault::Rearming && self.last != Some(fault) {
-                tracing::error!("EtherCAT: {fault}");
+    /// Logs faults with their motors and codes, each cause once until the server's phase has left Fault; then how often it came again.
+    /// Returns the lines.
+    pub fn see(&mut self, phase: Phase) -> Vec<String> {
+        let mut lines = Vec::new();
+        if self.phase == Phase::Fault && phase != Phase::Fault {
+            for (fault, again) in self.logged.drain(..).filter(|(_, again)| *again > 0) {
+                lines.push(format!("EtherCAT: {fault}: in {again} more cycles until the re-arm"));
+                tracing::info!("{}", lines.last().map_or("", String::as_str));
             }
-            self.last = Some(fault);
+            self.logged.clear();
         }
+        self.phase = phase;
+        while let Some(fault) = self.next() {
+            let cause = |fault: &Fault| (fault.name(), fault.motor());
+            match self.logged.iter_mut().find(|(logged, _)| cause(logged) == cause(&fault)) {
+                Some((_, again)) => *again = again.saturating_add(1),
+                None if fault == Fault::Rearming => {}
+                None => {
+                    tracing::error!("EtherCAT: {fault}");
+                    lines.push(format!("EtherCAT: {fault}"));
+                    self.logged.push((fault, 0));
+                }
+            }
+        }
+        lines
     }
 }
 
@@ -125,7 +145,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
     pub fn fault_log(&mut self) -> FaultLog {
         let (producer, faults) = rtrb::RingBuffer::new(FAULTS);
         self.faults = Some(producer);
-        FaultLog { faults, last: None }
+        FaultLog { faults, logged: Vec::new(), phase: Phase::Listening }
     }
 
     /// Returns the drives.

@@ -3,7 +3,7 @@
 use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
-use crate::plant::DriveState;
+use crate::plant::{DriveState, PlantError};
 
 /// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,18 +66,28 @@ fn failure<const N: usize>(row: &Row<N>) -> String {
     text + "; stopped"
 }
 
-/// Logs phase changes, ends of sessions and the first of each kind of trouble.
+/// Logs phase changes, ends of sessions and the first of each kind of trouble; of a failing machine, each reason once until a re-arm.
 #[derive(Debug)]
 pub struct EventLog {
     phase: Phase,
     counters: Counters,
     plant_failed: bool,
+    /// Failures of the machine that were logged since the last re-arm, and the number of those that came again.
+    failures: Vec<Option<PlantError>>,
+    failed_again: u64,
     latch_lost: bool,
 }
 
 impl Default for EventLog {
     fn default() -> Self {
-        Self { phase: Phase::Listening, counters: Counters::default(), plant_failed: false, latch_lost: false }
+        Self {
+            phase: Phase::Listening,
+            counters: Counters::default(),
+            plant_failed: false,
+            failures: Vec::new(),
+            failed_again: 0,
+            latch_lost: false,
+        }
     }
 }
 
@@ -102,11 +112,25 @@ impl EventLog {
         if state.phase != self.phase {
             happened(EventKind::Phase, state.phase.code(), format!("{before} -> {now}"));
         }
+        // A machine that fails now and then does so for one reason: it is told once, until a re-arm.
+        let mut failed_again = 0;
+        if self.phase == Phase::Fault && state.phase != Phase::Fault {
+            self.failures.clear();
+            failed_again = std::mem::take(&mut self.failed_again);
+        }
         if row.plant_failed && !self.plant_failed {
-            happened(EventKind::MachineFailed, 0, failure(row));
+            if self.failures.contains(&row.failure) {
+                self.failed_again = self.failed_again.saturating_add(1);
+            } else {
+                self.failures.push(row.failure);
+                happened(EventKind::MachineFailed, 0, failure(row));
+            }
         }
         for event in &events {
             self.log(event, row.ended);
+        }
+        if failed_again > 0 {
+            tracing::info!("tick {tick}: the machine failed {failed_again} more times until the re-arm");
         }
         self.phase = state.phase;
         self.plant_failed = row.plant_failed;

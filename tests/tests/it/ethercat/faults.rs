@@ -19,7 +19,7 @@ const STEP_NM: i64 = 105_020;
 const OFFSET_NM: i32 = 200_000;
 
 /// A session in Obtain, moving, with its offsets in force.
-fn moving() -> (Server<3, 3>, Client<3>) {
+pub(super) fn moving() -> (Server<3, 3>, Client<3>) {
     let robot = RobotFile::builtin_l2().unwrap();
     let bus = bus::<_, 3, 3>(&robot);
     let mut server = Server::on(&robot, &bus, 0.2);
@@ -39,7 +39,7 @@ fn moving() -> (Server<3, 3>, Client<3>) {
 
 impl Server<3, 3> {
     /// Lets these happen to the next frames.
-    fn next_frames(&self, faults: Faults) {
+    pub(super) fn next_frames(&self, faults: Faults) {
         self.bus.bench().faults = faults;
     }
 

@@ -2,6 +2,7 @@
 
 mod compensation;
 mod faults;
+mod log;
 mod lost_frames;
 mod offsets;
 mod refused;
