@@ -6,6 +6,8 @@ use core::hint::black_box;
 
 use gantry_tau_core::control::client::Requirements;
 use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
+use gantry_tau_core::control::position_loop::{LoopInput, PositionLoops};
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
 use gantry_tau_core::model::robot::Compliances;
@@ -57,6 +59,23 @@ fn serve(parameters: &Parameters<6>, start: &Start<6>, bytes: &[u8; 64], input: 
     }
     black_box_of_ticks.release();
     Some(sum)
+}
+
+/// Position loops of six axes: check, start, tick.
+#[unsafe(no_mangle)]
+pub extern "C" fn position_loops(values: &[LoopValues; 6], inputs: &[LoopInput; 6], accepted: bool) -> i64 {
+    let run = || {
+        let mut config = [LoopConfig::DISABLED; 6];
+        for (config, values) in config.iter_mut().zip(values) {
+            *config = LoopConfig::new(*values).ok()?;
+        }
+        let mut loops = PositionLoops::at_rest(config, [PositionNm(black_box(0)); 6]);
+        let references = loops.tick(inputs, accepted);
+        let sum: i64 = references.iter().map(|axis| i64::from(axis.velocity.0)).sum();
+        let stopped = loops.stop().map_or(0, |(axis, _)| i64::try_from(axis).unwrap_or(0));
+        Some(sum.wrapping_add(stopped).wrapping_add(i64::from(loops.is_valid() && loops.is_at_rest())))
+    };
+    run().unwrap_or(0)
 }
 
 /// The client's half of the protocol, and the monitor.

@@ -2,6 +2,7 @@
 
 mod compensation;
 mod stops;
+mod theorem;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -48,6 +49,11 @@ fn robot(drives: &str) -> RobotFile<L2, N> {
 struct Bus {
     machine: Arc<Mutex<Machine>>,
     is_lost: Arc<AtomicBool>,
+    /// Writes alone, or readings alone, do not get through.
+    refuses: Arc<AtomicBool>,
+    is_deaf: Arc<AtomicBool>,
+    /// Velocities in force at the drives, µm/s.
+    in_force: Arc<Mutex<[i32; N]>>,
 }
 
 impl Bus {
@@ -55,26 +61,27 @@ impl Bus {
         self.machine.lock().unwrap()
     }
 
-    fn checked(&self) -> Result<(), PlantError> {
+    fn checked(&self, also: &AtomicBool) -> Result<(), PlantError> {
         let lost = PlantError { operation: "exchange process data", reason: "the bus is lost" };
-        if self.is_lost.load(Ordering::Relaxed) { Err(lost) } else { Ok(()) }
+        let fails = self.is_lost.load(Ordering::Relaxed) || also.load(Ordering::Relaxed);
+        if fails { Err(lost) } else { Ok(()) }
     }
 }
 
 impl Plant<N, L2_MOTORS> for Bus {
     fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
-        self.checked()?;
+        self.checked(&self.is_deaf)?;
         self.machine().in_force()
     }
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
         let reading = self.machine().read(elapsed);
-        self.checked()?;
+        self.checked(&self.is_deaf)?;
         reading
     }
 
     fn write(&mut self, references: &[Reference; L2_MOTORS], parts: &[InForce; N]) -> Result<(), PlantError> {
-        self.checked()?;
+        self.checked(&self.refuses)?;
         self.machine().write(references, parts)
     }
 
@@ -83,7 +90,8 @@ impl Plant<N, L2_MOTORS> for Bus {
         velocities: &[VelocityReference; L2_MOTORS],
         parts: Option<&[InForce; N]>,
     ) -> Result<(), PlantError> {
-        self.checked()?;
+        self.checked(&self.refuses)?;
+        *self.in_force.lock().unwrap() = velocities.map(|motor| motor.velocity.0);
         self.machine().write_velocity(velocities, parts)
     }
 
@@ -96,7 +104,7 @@ impl Plant<N, L2_MOTORS> for Bus {
     }
 
     fn reset(&mut self) {
-        if self.checked().is_ok() {
+        if self.checked(&self.refuses).is_ok() {
             self.machine().reset();
         }
     }
@@ -126,7 +134,13 @@ impl Server {
         };
         let motion = if way_m == 0.0 { Motion::Hold } else { motion };
         let machine = robot.simulated_machine(tool, motion).unwrap();
-        let bus = Bus { machine: Arc::new(Mutex::new(machine)), is_lost: Arc::default() };
+        let bus = Bus {
+            machine: Arc::new(Mutex::new(machine)),
+            is_lost: Arc::default(),
+            refuses: Arc::default(),
+            is_deaf: Arc::default(),
+            in_force: Arc::default(),
+        };
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let motors = robot.motor_map().unwrap();
         let cycle =
