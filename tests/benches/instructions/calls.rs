@@ -3,6 +3,9 @@
 #[cfg(target_os = "linux")]
 mod ethercat;
 
+#[cfg(target_os = "linux")]
+mod ethercat;
+
 use std::hint::black_box;
 
 use crate::setup::{a_command, l2, l2_compensator, load, loop_config, loop_input, on_time, six, six_compensator};
@@ -41,6 +44,8 @@ pub(crate) const CALLS: &[Call] = &[
     call("position_loop_axis", Some(120), position_loop_axis),
     call("position_loops_of_six", None, position_loops_of_six),
     call("server_tick", None, server_tick),
+    #[cfg(target_os = "linux")]
+    call("ethercat_exchange", Some(8_000), ethercat::exchange),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(20_000), ethercat::exchange),
     call("encode_command", None, encode_command),
