@@ -107,7 +107,7 @@ impl<const N: usize> PositionLoops<N> {
                 (Some(axis), Some(config), Some(input)) => axis.is_ready(config, input),
                 _ => false,
             });
-        let mut errors = [0_i32; N];
+        let mut errors = [0_i64; N];
         for (axis, ((config, input), error)) in axes.iter_mut().zip(config.iter().zip(inputs).zip(&mut errors)) {
             if ready {
                 axis.restart(input.reference.position);

@@ -6,7 +6,9 @@ use crate::control::channel::Limits;
 use crate::units::{TorquePermille, VelocityUmS};
 
 /// Largest error and change of a reference that act, nm: 16.8 mm. What is beyond counts as this.
-pub const MAX_ERROR_NM: i32 = 1 << 24;
+pub const MAX_ERROR_NM: i64 = 1 << 24;
+/// Largest window of the following error, nm: [`MAX_ERROR_NM`].
+pub const MAX_WINDOW_NM: i32 = 1 << 24;
 /// References that are kept, beside the one of the tick.
 pub const MAX_LAG: u8 = 10;
 /// Largest gain, in 2^-16 µm/s per nm: 500 1/s.
@@ -39,7 +41,7 @@ pub struct LoopValues {
     /// Ticks between a reference and the actual value that belongs to it: one, and the latencies of command and measurement.
     /// At most [`MAX_LAG`]. 0 compares with the reference of the same tick, which is right for no drive.
     pub lag: u8,
-    /// Window of the following error, nm; 1 to [`MAX_ERROR_NM`].
+    /// Window of the following error, nm; 1 to [`MAX_WINDOW_NM`].
     pub window_nm: i32,
     /// Ticks in a row outside the window until the trip; at least 1.
     pub window_ticks: u16,
@@ -100,7 +102,7 @@ impl LoopConfig {
             in_range(name, value.into(), 0, max.into())?;
         }
         in_range(LoopValue::IntegralMax, values.integral_max, 0, i32::MAX)?;
-        in_range(LoopValue::WindowNm, values.window_nm, 1, MAX_ERROR_NM)?;
+        in_range(LoopValue::WindowNm, values.window_nm, 1, MAX_WINDOW_NM)?;
         in_range(LoopValue::WindowTicks, values.window_ticks.into(), 1, u16::MAX.into())?;
         let torque_max = values.torque.max();
         in_range(LoopValue::TorqueMax, torque_max, 0, i16::MAX.into())?;

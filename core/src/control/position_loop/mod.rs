@@ -217,7 +217,7 @@ impl PositionLoop {
     /// True if a loop that has stopped may run again in this tick.
     pub(super) fn is_ready(&self, config: &LoopConfig, input: &LoopInput) -> bool {
         let near = |actual: PositionNm| {
-            difference(input.reference.position.0, actual.0).saturating_abs() <= config.values().window_nm
+            difference(input.reference.position.0, actual.0).saturating_abs() <= config.values().window_nm.into()
         };
         input.permit == Permit::Rearm
             && self.parts.stop.is_some()
@@ -235,25 +235,30 @@ impl PositionLoop {
 
     /// First half of a tick: takes the reference, and stops the loop if it must. Returns the error against the reference that belongs to
     /// the actual position, zero without one.
-    pub(super) fn observe(&mut self, config: &LoopConfig, input: &LoopInput) -> i32 {
-        let parts = &mut self.parts;
+    #[inline]
+    pub(super) fn observe(&mut self, config: &LoopConfig, input: &LoopInput) -> i64 {
+        let (parts, values) = (&mut self.parts, config.values());
         let [a, b, c, d, e, f, g, h, i, j, _] = parts.history;
         parts.history = [input.reference.position, a, b, c, d, e, f, g, h, i, j];
-        let values = config.values();
+        let Some(actual) = input.actual else {
+            parts.outside = 0;
+            self.stop_with(if input.permit == Permit::Stop { LoopStop::NotPermitted } else { LoopStop::NoActual });
+            return 0;
+        };
         // Never beyond the history, which `LoopConfig` checks.
         let aligned = parts.history.get(usize::from(values.lag)).copied().unwrap_or(j);
-        let error = input.actual.map(|actual| difference(aligned.0, actual.0));
-        let is_outside = error.is_some_and(|error| error.saturating_abs() > values.window_nm);
-        parts.outside = if is_outside { parts.outside.saturating_add(1).min(values.window_ticks) } else { 0 };
-        if parts.stop.is_none() {
-            parts.stop = match error {
-                _ if input.permit == Permit::Stop => Some(LoopStop::NotPermitted),
-                None => Some(LoopStop::NoActual),
-                Some(_) if parts.outside >= values.window_ticks => Some(LoopStop::FollowingError),
-                Some(_) => None,
-            };
+        let error = difference(aligned.0, actual.0);
+        if error.saturating_abs() <= values.window_nm.into() {
+            parts.outside = 0;
+        } else {
+            parts.outside = parts.outside.saturating_add(1).min(values.window_ticks);
         }
-        error.unwrap_or(0)
+        if input.permit == Permit::Stop {
+            self.stop_with(LoopStop::NotPermitted);
+        } else if self.parts.outside >= values.window_ticks {
+            self.stop_with(LoopStop::FollowingError);
+        }
+        error
     }
 
     /// Stops a loop that runs.
@@ -262,33 +267,30 @@ impl PositionLoop {
     }
 
     /// Second half of a tick: follows the reference, or ramps to rest.
-    pub(super) fn act(&mut self, config: &LoopConfig, input: &LoopInput, error: i32) -> VelocityReference {
-        let values = config.values();
-        let parts = &mut self.parts;
+    #[inline]
+    pub(super) fn act(&mut self, config: &LoopConfig, input: &LoopInput, error: i64) -> VelocityReference {
+        let (parts, values) = (&mut self.parts, config.values());
         if parts.stop.is_some() {
             parts.velocity = parts.velocity.ramp(&values.velocity);
             parts.torque = parts.torque.ramp(&values.torque);
         } else {
             let [now, last, before, ..] = parts.history;
-            let change = difference(now.0, last.0);
-            let bend = change.saturating_sub(difference(last.0, before.0));
+            let (change, change_before) = (difference(now.0, last.0), difference(last.0, before.0));
             let proportional = weighted::<16>(error, values.gain);
-            let wanted = [
-                i64::from(proportional),
-                parts.integral >> INTEGRAL_SHIFT,
-                weighted::<10>(change, values.velocity_feed_forward).into(),
-                input.reference.velocity_offset.0.into(),
-            ];
-            let wanted = wanted.into_iter().fold(0_i64, i64::saturating_add);
+            // Four terms of less than 2^32: nothing wraps.
+            let wanted = proportional
+                .wrapping_add(parts.integral >> INTEGRAL_SHIFT)
+                .wrapping_add(weighted::<10>(change, values.velocity_feed_forward))
+                .wrapping_add(input.reference.velocity_offset.0.into());
             parts.velocity = parts.velocity.follow(VelocityUmS(saturated(wanted)), &values.velocity);
-            let growth = i64::from(proportional).saturating_mul(values.integral.into());
-            let short = wanted.saturating_sub(parts.velocity.count().into());
+            let growth = proportional.wrapping_mul(values.integral.into());
+            let short = wanted.wrapping_sub(parts.velocity.count().into());
             parts.integral = integrate(parts.integral, growth, short, values.integral_max);
-            let torque = weighted::<16>(bend, values.torque_feed_forward)
-                .saturating_add(input.reference.torque_offset.0.into())
-                .max(i16::MIN.into())
-                .min(i16::MAX.into());
-            let torque = TorquePermille(i16::try_from(torque).unwrap_or(0));
+            let bend = change.wrapping_sub(change_before);
+            let torque =
+                weighted::<16>(bend, values.torque_feed_forward).wrapping_add(input.reference.torque_offset.0.into());
+            let end = if torque < 0 { i16::MIN } else { i16::MAX };
+            let torque = TorquePermille(i16::try_from(torque).unwrap_or(end));
             parts.torque = parts.torque.follow(torque, &values.torque);
         }
         VelocityReference { velocity: parts.velocity.value(), torque: parts.torque.value() }
