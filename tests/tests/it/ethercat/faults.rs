@@ -256,3 +256,31 @@ fn a_machine_that_stops_behind_the_drives() {
         while server.tick().state.phase != Phase::Listening {}
     }
 }
+
+/// In operation nothing is allocated, and neither is it on the way to a stop and back.
+#[test]
+fn no_cycle_allocates_through_loss_stop_and_rearm() {
+    let (mut server, client) = moving();
+    drop(client);
+    server.counts_allocations = true;
+    server.next_frames(Faults { lost_out: 1, lost_back: 1, ..Faults::default() });
+    server.until_fault();
+    server.rearm();
+    for trouble in 0..3 {
+        {
+            let mut bench = server.bus.bench();
+            match trouble {
+                0 => bench.chain.cut_behind(0),
+                1 => bench.chain.subdevice_mut(0).unwrap().drive_mut().trip(),
+                _ => bench.chain.subdevice_mut(2).unwrap().fail(0x001A),
+            }
+        }
+        server.until_fault();
+        for _ in 0..20 {
+            assert!(server.tick().plant_failed);
+        }
+        server.bus.bench().chain.cut_behind(3);
+        server.rearm();
+        assert_eq!(server.tick().drives, Some([DriveState::Operating; 3]));
+    }
+}
