@@ -34,7 +34,7 @@ use crate::units::{PositionNm, TorquePermille, VelocityUmS};
 
 pub use axes::PositionLoops;
 use config::{LoopConfig, MAX_LAG};
-use terms::{INTEGRAL_SHIFT, difference, integrate, weighted};
+use terms::{INTEGRAL_SHIFT, difference, integrate, product, weighted};
 
 /// References that are kept: of this tick, and of [`MAX_LAG`] before it.
 #[expect(clippy::as_conversions, reason = "u8 to usize is lossless; `From` is not const")]
@@ -283,7 +283,7 @@ impl PositionLoop {
                 .wrapping_add(weighted::<10>(change, values.velocity_feed_forward))
                 .wrapping_add(input.reference.velocity_offset.0.into());
             parts.velocity = parts.velocity.follow(VelocityUmS(saturated(wanted)), &values.velocity);
-            let growth = proportional.wrapping_mul(values.integral.into());
+            let growth = product(proportional, values.integral);
             let short = wanted.wrapping_sub(parts.velocity.count().into());
             parts.integral = integrate(parts.integral, growth, short, values.integral_max);
             let bend = change.wrapping_sub(change_before);
