@@ -248,14 +248,11 @@ impl PositionLoop {
         // Never beyond the history, which `LoopConfig` checks.
         let aligned = parts.history.get(usize::from(values.lag)).copied().unwrap_or(j);
         let error = difference(aligned.0, actual.0);
-        if error.saturating_abs() <= values.window_nm.into() {
-            parts.outside = 0;
-        } else {
-            parts.outside = parts.outside.saturating_add(1).min(values.window_ticks);
-        }
+        let is_outside = error.saturating_abs() > values.window_nm.into();
+        parts.outside = if is_outside { parts.outside.saturating_add(1).min(values.window_ticks) } else { 0 };
         if input.permit == Permit::Stop {
             self.stop_with(LoopStop::NotPermitted);
-        } else if self.parts.outside >= values.window_ticks {
+        } else if is_outside && self.parts.outside >= values.window_ticks {
             self.stop_with(LoopStop::FollowingError);
         }
         error
@@ -283,9 +280,11 @@ impl PositionLoop {
                 .wrapping_add(weighted::<10>(change, values.velocity_feed_forward))
                 .wrapping_add(input.reference.velocity_offset.0.into());
             parts.velocity = parts.velocity.follow(VelocityUmS(saturated(wanted)), &values.velocity);
-            let growth = product(proportional, values.integral);
-            let short = wanted.wrapping_sub(parts.velocity.count().into());
-            parts.integral = integrate(parts.integral, growth, short, values.integral_max);
+            if values.integral != 0 {
+                let growth = product(proportional, values.integral);
+                let short = wanted.wrapping_sub(parts.velocity.count().into());
+                parts.integral = integrate(parts.integral, growth, short, values.integral_max);
+            }
             let bend = change.wrapping_sub(change_before);
             let torque =
                 weighted::<16>(bend, values.torque_feed_forward).wrapping_add(input.reference.torque_offset.0.into());

@@ -2,16 +2,23 @@
 
 use super::config::MAX_ERROR_NM;
 
+/// Smallest error that acts, nm.
+const LEAST: i64 = MAX_ERROR_NM.wrapping_neg();
+
 /// `from - to`, cut to [`MAX_ERROR_NM`]; total.
 #[inline]
 #[must_use]
 pub fn difference(from: i64, to: i64) -> i64 {
-    const LEAST: i64 = MAX_ERROR_NM.wrapping_neg();
     match from.checked_sub(to) {
         Some(within @ LEAST..=MAX_ERROR_NM) => within,
-        _ if from < to => LEAST,
-        _ => MAX_ERROR_NM,
+        _ => beyond(from, to),
     }
+}
+
+/// Difference of positions that are far apart. A function of its own, so that near ones cost a subtraction and two branches.
+#[cold]
+const fn beyond(from: i64, to: i64) -> i64 {
+    if from < to { LEAST } else { MAX_ERROR_NM }
 }
 
 /// Product of a value within ± 2^25 and a weight: below 2^41, so nothing wraps. A function of its own, because a
