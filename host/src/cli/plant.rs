@@ -71,7 +71,7 @@ impl Serve {
         let (hand, tool) = load_generator();
         let emulated = || Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
         let section = robot.ethercat.clone().unwrap_or_else(emulated);
-        let bus = emulated_bus(robot, &section, tool)?;
+        let bus = emulated_bus::<_, N, M>(robot, &section, tool)?;
         let mut plant = EthercatPlant::<_, N, M>::open(robot, &section, bus, motion)?;
         let mut faults = plant.fault_log();
         let mut load = self.load(hand);

@@ -13,6 +13,8 @@ mod demo;
 mod draw;
 mod drives;
 mod errors;
+#[cfg(unix)]
+mod ethercat;
 #[cfg(target_os = "linux")]
 mod exhaustion;
 #[cfg(unix)]
