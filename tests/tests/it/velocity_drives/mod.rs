@@ -227,3 +227,21 @@ fn the_path_is_followed_closely() {
         }
     }
 }
+
+/// A skipped cycle puts the alignment off for some ticks: bounded, and over without a stop.
+#[test]
+fn a_skipped_cycle_is_ridden_out() {
+    let mut server = Server::moving();
+    server.at_full_speed();
+    let row = server.cycle.step(2, Demands::default());
+    assert!(!row.plant_failed, "{row:?}");
+    let mut rows = vec![row];
+    rows.extend((0..300).map(|_| server.tick()));
+    let off =
+        |window: &[Row<N>]| (window[3].state.axes[0].actual.position.0 - window[0].references[0].position.0).abs();
+    let offs: Vec<i64> = rows.windows(4).map(off).collect();
+    assert!(rows.iter().all(|row| !row.plant_failed && row.state.phase == Phase::Listening));
+    let worst = *offs.iter().max().unwrap();
+    assert!((10_000..600_000).contains(&worst), "{worst} nm");
+    assert!(offs[200..].iter().all(|off| *off < 15_000));
+}
