@@ -24,7 +24,7 @@ const RAMP: i64 = 250;
 const CRUISE: i64 = 250;
 const REST: i64 = 150;
 /// Length of the path, nm.
-const WAY_NM: i64 = 187_500_000;
+const WAY_NM: i64 = way_nm(i64::MAX);
 /// Cycles before the force step, and after it.
 const SETTLED: u32 = 300;
 const PUSHED: u32 = 200;

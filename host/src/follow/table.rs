@@ -56,9 +56,10 @@ fn line(row: &LoopNumbers) -> String {
 fn conclusion(results: &FollowResults) -> String {
     let (Some(inside), Some(outside)) = (results.inside(), results.outside()) else { return String::new() };
     format!(
-        "\nOutside with {} cycles of latency (command + measurement): aligned velocity feed-forward takes the lag from {:.0} to {:.1} um.\n\
-         The price is stiffness: a force step moves a cart {:.2} times as far as with the loop in the drive, for {:.1} times as long.\n\
-         Move the loop out for following; leave it in for compensating, unless the drive has no other way.\n",
+        "\nOutside with {} cycles of latency (command + measurement) aligned velocity feed-forward takes the lag\n\
+         from {:.0} to {:.1} um. The price is stiffness: a force step moves a cart {:.2} times as far as with the\n\
+         loop in the drive, for {:.1} times as long. Move the loop out for following; leave it in for compensating,\n\
+         unless the drive has no other way.\n",
         results.shown,
         outside.plain_um,
         outside.velocity_um,

@@ -58,7 +58,7 @@ fn the_table_is_that_of_the_model() {
     assert!((1_400.0..1_600.0).contains(&outside.get("misaligned_um")));
     let softer = outside.get("pushed_um") / inside.get("pushed_um");
     assert!((1.3..1.6).contains(&softer), "{softer}");
-    assert!(said.contains(&format!("{softer:.2} times as far as with the loop in the drive")), "{said}");
+    assert!(said.contains(&format!("moves a cart {softer:.2} times as far as")), "{said}");
     let page = folder.read("follow.html");
     assert_eq!(page.matches("<svg").count(), 5);
     assert!(page.contains("The price: a force step") && !page.contains("could not be drawn"));
@@ -84,7 +84,7 @@ fn what_cannot_be_compared_is_refused_by_name() {
     let l2 = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/l2.toml"));
     folder.write("narrow.toml", &l2.replace("nominal_travel_m = [[-0.5, 2.0]", "nominal_travel_m = [[0.6, 0.7]"));
     let said = folder.run(&["follow", "--robot", "narrow.toml"]).failure(1);
-    assert!(said.contains("narrow.toml: the carts have no room for a way of 187 mm"), "{said}");
+    assert!(said.contains("narrow.toml: the carts have no room for a way of 250 mm"), "{said}");
     let said = folder.run(&["follow", "--report", "no/such/folder.html"]).failure(1);
     assert!(said.contains("cannot write no/such/folder.html"), "{said}");
 }
