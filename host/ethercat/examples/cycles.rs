@@ -25,6 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         place: Place::Position(0),
         vendor: 1,
         product: 1,
+        serial: None,
         counts_per_turn: None,
         travel: (-1_000_000, 1_000_000),
         needs_velocity_offset: true,

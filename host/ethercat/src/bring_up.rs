@@ -11,7 +11,7 @@ use crate::cia402::{CSP, Input, Mapping, Offset, Target};
 
 /// Largest number of SubDevices, a power of two.
 pub(crate) const MAX_SUBDEVICES: usize = 16;
-/// Longest process image, bytes: 31 of each drive.
+/// Longest process image, bytes: 32 of each drive.
 pub(crate) const MAX_IMAGE: usize = 512;
 /// Station address that ethercrab gives to the first SubDevice.
 const FIRST_STATION: u16 = 0x1000;
@@ -53,6 +53,8 @@ pub struct DriveConfig {
     pub vendor: u32,
     /// Product code.
     pub product: u32,
+    /// Serial number; `None` compares nothing.
+    pub serial: Option<u32>,
     /// Counts per turn of the encoder, compared with object 608Fh; `None` compares nothing.
     pub counts_per_turn: Option<u32>,
     /// Travel of the machine, counts, lower end first: the drive's software limits must not be narrower.
@@ -147,6 +149,20 @@ pub enum BringUpError {
         found_vendor: u32,
         /// Product found.
         found_product: u32,
+    },
+    /// Another drive of the same kind stands at a drive's place.
+    #[error(
+        "motor {motor}: the drive at {place} has serial number {found}, expected {expected} (are two drives swapped, or was it replaced?)"
+    )]
+    Serial {
+        /// The motor.
+        motor: u8,
+        /// Its place.
+        place: Place,
+        /// Serial number expected.
+        expected: u32,
+        /// Serial number found.
+        found: u32,
     },
     /// A drive lacks an object.
     #[error("motor {motor}: the drive lacks object {object:04X}h, {purpose}")]
@@ -266,13 +282,15 @@ struct Found {
     alias: u16,
     vendor: u32,
     product: u32,
+    serial: u32,
 }
 
 impl Found {
     fn of(subdevice: &SubDevice) -> Self {
         let identity = subdevice.identity();
         let (station, alias) = (subdevice.configured_address(), subdevice.alias_address());
-        Self { station, alias, vendor: identity.vendor_id, product: identity.product_id }
+        let (vendor, product, serial) = (identity.vendor_id, identity.product_id, identity.serial);
+        Self { station, alias, vendor, product, serial }
     }
 
     const fn is_at(&self, place: Place) -> bool {
@@ -383,6 +401,9 @@ fn places<const M: usize>(found: &[Found], drives: &[DriveConfig; M]) -> Result<
                 found_product: device.product,
             });
         }
+        if let Some(expected) = drive.serial.filter(|expected| *expected != device.serial) {
+            return Err(BringUpError::Serial { motor, place, expected, found: device.serial });
+        }
         // The group has the drives in the order of the bus.
         let before = found.iter().take_while(|other| other.station != device.station);
         member.index = before.filter(|other| drives.iter().any(|drive| other.is_at(drive.place))).count();
@@ -445,6 +466,7 @@ impl Setup<'_> {
         let motor = self.motor;
         let position = self.needed::<i32>(0x6064).await?;
         let _target = self.needed::<i32>(0x607A).await?;
+        let _mode = self.needed::<i8>(0x6061).await?;
         let position_offset = self.object::<i32>(0x60B0, 0).await?;
         let velocity_offset = self.object::<i32>(0x60B1, 0).await?;
         let torque_offset = self.object::<i16>(0x60B2, 0).await?;

@@ -74,6 +74,8 @@ impl PowerState {
 pub(crate) mod control {
     /// Operation enabled.
     pub(crate) const ENABLED: u16 = 0x0F;
+    /// Power stage on, no torque.
+    pub(crate) const SWITCHED_ON: u16 = 0x07;
     /// Ready to switch on.
     pub(crate) const SHUTDOWN: u16 = 0x06;
     /// Quick stop, with voltage.
@@ -114,6 +116,8 @@ pub struct Input {
     pub velocity: i32,
     /// Torque, 6077h, per mille of rated torque.
     pub torque: i16,
+    /// Mode of operation that the drive is in, 6061h.
+    pub mode: i8,
     /// Error code, 603Fh; 0 when there is none, or the drive does not map it.
     pub error_code: u16,
 }
@@ -154,9 +158,9 @@ impl Mapping {
     }
 
     /// Returns the entries of the inputs, likewise.
-    pub(crate) const fn inputs(self) -> [u32; 5] {
+    pub(crate) const fn inputs(self) -> [u32; 6] {
         let error_code = if self.error_code { entry(0x603F, 16) } else { 0 };
-        [entry(0x6041, 16), entry(0x6064, 32), entry(0x606C, 32), entry(0x6077, 16), error_code]
+        [entry(0x6041, 16), entry(0x6064, 32), entry(0x606C, 32), entry(0x6077, 16), entry(0x6061, 8), error_code]
     }
 
     /// Writes a drive's outputs. False unless they fit: the process image has another length than was mapped.
@@ -184,12 +188,14 @@ impl Mapping {
         let (position, rest) = rest.split_first_chunk()?;
         let (velocity, rest) = rest.split_first_chunk()?;
         let (torque, rest) = rest.split_first_chunk()?;
+        let (mode, rest) = rest.split_first_chunk()?;
         let (error_code, rest) = if self.error_code { rest.split_first_chunk()? } else { (&[0, 0], rest) };
         rest.is_empty().then(|| Input {
             status: u16::from_le_bytes(*status),
             position: i32::from_le_bytes(*position),
             velocity: i32::from_le_bytes(*velocity),
             torque: i16::from_le_bytes(*torque),
+            mode: i8::from_le_bytes(*mode),
             error_code: u16::from_le_bytes(*error_code),
         })
     }
@@ -249,11 +255,11 @@ mod tests {
 
     #[test]
     fn inputs_have_the_mapped_length() {
-        let bytes = [0x37, 0x12, 1, 0, 0, 0, 2, 0, 0, 0, 0xFF, 0xFF, 0x11, 0x86];
+        let bytes = [0x37, 0x12, 1, 0, 0, 0, 2, 0, 0, 0, 0xFF, 0xFF, 8, 0x11, 0x86];
         let with_code = Mapping { error_code: true, ..Mapping::default() };
         let input = with_code.unpack(&bytes).unwrap();
-        assert_eq!(input, Input { status: 0x1237, position: 1, velocity: 2, torque: -1, error_code: 0x8611 });
+        assert_eq!(input, Input { status: 0x1237, position: 1, velocity: 2, torque: -1, mode: 8, error_code: 0x8611 });
         assert_eq!(Mapping::default().unpack(&bytes), None);
-        assert_eq!(Mapping::default().unpack(&bytes[..12]).unwrap().error_code, 0);
+        assert_eq!(Mapping::default().unpack(&bytes[..13]).unwrap().error_code, 0);
     }
 }

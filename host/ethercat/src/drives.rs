@@ -13,7 +13,7 @@ use ethercrab::{
 use crate::bring_up::{
     BringUpError, DriveConfig, Initial, MAX_IMAGE, MAX_SUBDEVICES, Member, Ready, Settings, al_status, bring_up, number,
 };
-use crate::cia402::{FOLLOWING_ERROR, Input, PowerState, Target, control};
+use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
 use crate::fault::Fault;
 use crate::pump::Pump;
 use crate::wire::Wire;
@@ -270,8 +270,12 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         let all_operational = self.states.iter().all(|state| *state == 8);
         // The reset is an edge, a cycle in eight.
         let resets = may_reset && cycles % 8 == 4;
-        let commands =
-            self.inputs.map(|input| if all_operational { input.state().towards_operation(resets) } else { 0 });
+        let commands = self.inputs.map(|input| match input.state() {
+            _ if !all_operational => 0,
+            // It is not enabled in another mode.
+            PowerState::SwitchedOn if input.mode != CSP => control::SWITCHED_ON,
+            state => state.towards_operation(resets),
+        });
         let outcome = self.exchange(&commands, targets);
         self.condition = Condition::Rearming { cycles: cycles.saturating_add(1) };
         let fault = match outcome {
@@ -322,8 +326,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
 
     /// Sends one frame and compares its answer. Measurements are taken over only if the working counter is right.
     fn exchange(&mut self, commands: &[u16; M], targets: &[Target; M]) -> Result<(), Fault> {
-        // What is still there came too late: it must not be taken for this cycle's.
-        self.pump.drain();
+        // An answer that comes too late is none of this frame: it has the index of its own datagrams, and ethercrab takes no other.
         (self.sent, self.is_confirmed) = (*targets, false);
         if !self.pack(commands, targets) {
             return Err(Fault::Image);
@@ -396,11 +399,14 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         Fault::State { motor: number(motor), state: (status & 0x0F) as u8, code }
     }
 
-    /// Judges the status words: all must be in operation enabled.
+    /// Judges the status words and the modes: all must be in operation enabled, in cyclic synchronous position mode.
     fn judge(&self) -> Result<(), Fault> {
         for (motor, input) in self.inputs.iter().enumerate() {
             let motor = number(motor);
             match input.state() {
+                PowerState::SwitchedOn | PowerState::OperationEnabled if input.mode != CSP => {
+                    return Err(Fault::Mode { motor, mode: input.mode });
+                }
                 PowerState::OperationEnabled => {}
                 PowerState::Fault | PowerState::FaultReactionActive => {
                     let error_code = input.error_code;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use ethercrab::AlStatusCode;
 
-use crate::cia402::PowerState;
+use crate::cia402::{CSP, PowerState};
 
 /// Reason why a cycle failed. Motors are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,6 +44,13 @@ pub enum Fault {
         /// The motor.
         motor: u8,
     },
+    /// A drive is in another mode of operation than cyclic synchronous position: it would take the references for something else.
+    Mode {
+        /// The motor.
+        motor: u8,
+        /// Mode, 6061h.
+        mode: i8,
+    },
     /// A drive does not follow its references: it is not in operation enabled.
     NotEnabled {
         /// The motor.
@@ -76,6 +83,7 @@ impl Fault {
             | Self::State { motor, .. }
             | Self::Drive { motor, .. }
             | Self::FollowingError { motor }
+            | Self::Mode { motor, .. }
             | Self::NotEnabled { motor, .. } => Some(*motor),
             Self::NoAnswer
             | Self::WorkingCounter { .. }
@@ -107,6 +115,7 @@ impl Fault {
             Self::State { .. } => "the drive left OP",
             Self::Drive { .. } => "the drive is in fault",
             Self::FollowingError { .. } => "following error",
+            Self::Mode { .. } => "the drive is in another mode of operation",
             Self::NotEnabled { .. } => "the drive is not in operation enabled",
             Self::Resent => "the references of a lost frame were sent again",
             Self::Image => "the process data has another length than was mapped",
@@ -128,6 +137,7 @@ impl fmt::Display for Fault {
                 write!(f, " (state {state}, AL status code {})", AlStatusCode::from(*code))
             }
             Self::Drive { error_code, .. } if *error_code != 0 => write!(f, " (error code {error_code:04X}h)"),
+            Self::Mode { mode, .. } => write!(f, " (6061h: {mode}, expected {CSP})"),
             Self::NotEnabled { state, .. } => write!(f, " ({})", state.name()),
             _ => Ok(()),
         }

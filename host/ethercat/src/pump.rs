@@ -49,7 +49,7 @@ impl<W: Wire> Pump<W> {
         }
     }
 
-    /// Drops what arrived since the last cycle: the answers that came too late.
+    /// Drops what has arrived, outside an exchange: a wire with a frame waits no longer.
     pub(crate) fn drain(&mut self) {
         while self.wire.receive(&mut self.buffer).is_some() {}
     }

@@ -127,7 +127,7 @@ pub fn emulated_bus<K: MachineKind<N>, const N: usize, const M: usize>(
                 vendor: drive.vendor,
                 product: drive.product,
                 revision: 1,
-                serial: u32::from(index) + 1,
+                serial: drive.serial.unwrap_or(u32::from(index) + 1),
             },
             alias: drive.alias.unwrap_or(0),
             position: scale.counts(at.nominal).unwrap_or(0),

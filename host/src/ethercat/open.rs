@@ -24,10 +24,12 @@ pub enum EthercatError {
         file: String,
     },
     /// The bus is not that of the file.
-    #[error("{file}: [ethercat]: {error}")]
+    #[error("{file}: {key}: {error}")]
     BringUp {
         /// The robot file.
         file: String,
+        /// Key that does not fit, or the section.
+        key: String,
         /// Error of the bring-up.
         error: BringUpError,
     },
@@ -46,6 +48,40 @@ pub enum EthercatError {
     Other(String),
 }
 
+/// Returns the key of the robot file that an error of the bus concerns.
+fn key(error: &BringUpError) -> String {
+    let of = |motor: u8, name: &str| format!("ethercat.drives[{motor}].{name}");
+    let of_place = |motor: u8, place: &Place| match place {
+        Place::Alias(_) => of(motor, "alias"),
+        Place::Position(_) => of(motor, "position"),
+    };
+    match error {
+        BringUpError::Missing { motor, place, .. } | BringUpError::Ambiguous { motor, place } => {
+            of_place(*motor, place)
+        }
+        BringUpError::Identity { motor, vendor, found_vendor, .. } if vendor != found_vendor => of(*motor, "vendor"),
+        BringUpError::Identity { motor, .. } => of(*motor, "product"),
+        BringUpError::Serial { motor, .. } => of(*motor, "serial"),
+        BringUpError::Encoder { motor, .. } | BringUpError::MissingObject { motor, object: 0x608F, .. } => {
+            of(*motor, "counts_per_turn")
+        }
+        BringUpError::MissingObject { object: 0x60B1, .. } => "axes.velocity.max_um_s".to_owned(),
+        BringUpError::MissingObject { object: 0x60B2, .. } => "axes.torque.max_permille".to_owned(),
+        BringUpError::SoftwareLimits { .. } => "axes.machine_travel_m".to_owned(),
+        BringUpError::Watchdog { .. } | BringUpError::WatchdogTime { .. } | BringUpError::WatchdogOff { .. } => {
+            "ethercat.watchdog_cycles".to_owned()
+        }
+        BringUpError::MissingObject { motor, .. }
+        | BringUpError::Refused { motor, .. }
+        | BringUpError::Exchange { motor, .. } => format!("ethercat.drives[{motor}]"),
+        BringUpError::Silent
+        | BringUpError::TooMany
+        | BringUpError::Bus { .. }
+        | BringUpError::Overdue { .. }
+        | BringUpError::Unhandled => "ethercat".to_owned(),
+    }
+}
+
 /// Returns the expectations of a drive.
 fn config(
     drive: &EthercatDrive,
@@ -61,6 +97,7 @@ fn config(
         },
         vendor: drive.vendor,
         product: drive.product,
+        serial: drive.serial,
         counts_per_turn: drive.counts_per_turn,
         travel: (ends[0].min(ends[1]), ends[0].max(ends[1])),
         needs_velocity_offset: axis.limits.velocity.max() > 0,
@@ -96,8 +133,11 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
         };
         let settings =
             Settings { cycle_us: section.cycle_us, watchdog_cycles: section.watchdog_cycles, answer_us: ANSWER_US };
-        let drives = Drives::bring_up(wire, &configs, settings)
-            .map_err(|error| EthercatError::BringUp { file: robot.name.clone(), error })?;
+        let drives = Drives::bring_up(wire, &configs, settings).map_err(|error| EthercatError::BringUp {
+            file: robot.name.clone(),
+            key: key(&error),
+            error,
+        })?;
         let in_force = in_force(robot, &motors, &drives.initial())?;
         let nominal = in_force.map(|in_force| in_force.nominal);
         let path =

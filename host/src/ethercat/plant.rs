@@ -279,7 +279,11 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
         Err(failed(&Fault::Rearming))
     }
 
+    /// Not ready while the last frame had no right answer: what the drives do is not known then.
     fn drives(&self) -> Option<[DriveState; N]> {
+        if !self.drives.is_confirmed() {
+            return Some([DriveState::NotReady; N]);
+        }
         let mut states = [DriveState::Operating; N];
         for (motor, input) in self.motors.iter().zip(self.drives.inputs()) {
             if let Some(state) = states.get_mut(motor.axis) {

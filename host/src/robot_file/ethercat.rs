@@ -35,6 +35,8 @@ pub struct EthercatDrive {
     pub vendor: u32,
     /// Product code in the drive's EEPROM.
     pub product: u32,
+    /// Serial number in the drive's EEPROM; absent: not compared. Drives of one kind that are named by their position differ by nothing else.
+    pub serial: Option<u32>,
     /// Counts per unit of `q`, positive.
     pub counts_per_q: f64,
     /// 1, or -1 for a drive that counts against the axis.
@@ -61,6 +63,7 @@ impl Ethercat {
             position: None,
             vendor: 0x0A11,
             product: 1,
+            serial: None,
             counts_per_q: 1_048_576e2 * metres_per_q.get(*axis).copied().unwrap_or(1.0),
             sign: if alias % 2 == 0 { -1 } else { 1 },
             zero_counts: 0,

@@ -91,6 +91,10 @@ pub struct Drive {
     /// Steps in the present state.
     steps: u32,
     control: u16,
+    /// Error code of the last fault, 0 after its reset; 603Fh shows it where the drive has the object.
+    error: i32,
+    /// Mode of its own, whatever 6060h asks for.
+    forced_mode: Option<i8>,
     /// Process data is valid: the SubDevice is in OP.
     is_operational: bool,
     motor: Motor,
@@ -154,6 +158,8 @@ impl Drive {
             state: PowerState::SwitchOnDisabled,
             steps: 0,
             control: 0,
+            error: 0,
+            forced_mode: None,
             is_operational: false,
             motor: Motor {
                 is_enabled: false,
@@ -219,6 +225,11 @@ impl Drive {
         largest
     }
 
+    /// Keeps the drive in a mode of operation, as a parameter of its vendor would: it ignores 6060h, and can be enabled. `None` ends it.
+    pub const fn force_mode(&mut self, mode: Option<i8>) {
+        self.forced_mode = mode;
+    }
+
     /// Trips the drive: overcurrent.
     pub fn trip(&mut self) {
         self.fail(ERROR_FORCED);
@@ -243,9 +254,14 @@ impl Drive {
         if matches!(self.state, PowerState::Fault | PowerState::FaultReactionActive) {
             return;
         }
-        self.objects.set(0x603F, 0, code);
+        self.set_error(code);
         let next = if self.has_torque() { PowerState::FaultReactionActive } else { PowerState::Fault };
         self.enter(next);
+    }
+
+    fn set_error(&mut self, code: i32) {
+        self.error = code;
+        self.objects.set(0x603F, 0, code);
     }
 
     fn enter(&mut self, state: PowerState) {
@@ -281,14 +297,15 @@ impl Drive {
         // The mains are on in every state; remote.
         let always = 0x0010 | 0x0200;
         let follows = self.state == PowerState::OperationEnabled && self.mode() == CSP;
-        of_state
-            | always
-            | if follows { 0x1000 } else { 0 }
-            | if self.objects.get(0x603F, 0) == ERROR_FOLLOWING { 0x2000 } else { 0 }
+        of_state | always | if follows { 0x1000 } else { 0 } | if self.error == ERROR_FOLLOWING { 0x2000 } else { 0 }
     }
 
     fn mode(&self) -> i32 {
-        self.objects.get(0x6060, 0)
+        self.forced_mode.map_or_else(|| self.objects.get(0x6060, 0), i32::from)
+    }
+
+    fn may_be_enabled(&self) -> bool {
+        self.forced_mode.is_some() || self.mode() == CSP
     }
 
     /// Runs the state machine and the generator of the loop's reference for one step.
@@ -299,7 +316,7 @@ impl Drive {
         self.control = control;
         if let Some(next) = self.next_state(control, is_reset) {
             if self.state == PowerState::Fault {
-                self.objects.set(0x603F, 0, 0);
+                self.set_error(0);
             }
             self.enter(next);
         }
@@ -323,7 +340,7 @@ impl Drive {
             S::SwitchedOn | S::OperationEnabled | S::QuickStopActive if disable_voltage => S::SwitchOnDisabled,
             S::SwitchedOn if quick_stop => S::SwitchOnDisabled,
             S::SwitchedOn if shutdown => S::ReadyToSwitchOn,
-            S::SwitchedOn if enable && self.mode() == CSP && powered_long_enough => S::OperationEnabled,
+            S::SwitchedOn if enable && self.may_be_enabled() && powered_long_enough => S::OperationEnabled,
             S::OperationEnabled if quick_stop => S::QuickStopActive,
             S::OperationEnabled if shutdown => S::ReadyToSwitchOn,
             S::OperationEnabled if switch_on && !enable => S::SwitchedOn,

@@ -42,7 +42,9 @@ pub struct SubDevice {
     memory: Memory,
     eeprom: Vec<u8>,
     drive: Drive,
-    watchdog_is_writable: bool,
+    setup: DriveSetup,
+    /// State that its application refuses, and the code.
+    refuses: Option<(u8, u16)>,
     now_us: u64,
     state: u8,
     error: bool,
@@ -65,7 +67,8 @@ impl SubDevice {
             memory: Memory::new(),
             eeprom,
             drive,
-            watchdog_is_writable: setup.watchdog_is_writable,
+            setup: setup.clone(),
+            refuses: None,
             now_us: 0,
             state: al::INIT,
             error: false,
@@ -108,6 +111,27 @@ impl SubDevice {
         if self.state == al::OP {
             self.leave_op(al::SAFE_OP, code);
         }
+    }
+
+    /// Refuses a state with a code of its application from now on.
+    pub const fn refuse(&mut self, state: u8, code: u16) {
+        self.refuses = Some((state, code));
+    }
+
+    /// Says whether writes to the watchdog's time are taken, and whether the outputs trigger it.
+    pub fn set_watchdog(&mut self, is_writable: bool, has_watchdog: bool) {
+        (self.setup.watchdog_is_writable, self.setup.has_watchdog) = (is_writable, has_watchdog);
+        self.eeprom = sii::eeprom(&self.setup.identity, self.setup.alias, self.drive.name(), has_watchdog);
+    }
+
+    /// Takes the power away and gives it again: the motor stays where it is, and everything that was configured is lost.
+    pub fn power_cycle(&mut self) {
+        let position = self.drive.motor().position.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let has_next = self.memory.u16(register::DL_STATUS) & 0x0020 != 0;
+        let mut again = Self::new(&DriveSetup { position, ..self.setup.clone() });
+        again.now_us = self.now_us;
+        again.set_ports(has_next);
+        *self = again;
     }
 
     /// Tells which of the ports have a neighbour.
@@ -194,6 +218,9 @@ impl SubDevice {
             sm.enabled == (length > 0) && (sm.start, sm.length, sm.control | 0x40) == (start, length, control | 0x40)
         };
         let (out, back) = (sii::MAILBOX_OUT, sii::MAILBOX_IN);
+        if let Some((_, code)) = self.refuses.filter(|(state, _)| *state == requested) {
+            return Some(code);
+        }
         match (self.state, requested) {
             (_, al::INIT) => None,
             (_, al::BOOT) => Some(code::NO_BOOT),
@@ -301,7 +328,7 @@ impl SubDevice {
         let watchdog = register::WATCHDOG_DIVIDER..register::WATCHDOG_STATUS;
         let is_watchdog = watchdog.contains(&address);
         let status = self.memory.clone_statuses();
-        if is_watchdog && !self.watchdog_is_writable {
+        if is_watchdog && !self.setup.watchdog_is_writable {
             // The value stays, as in controllers whose application owns it.
             return true;
         }

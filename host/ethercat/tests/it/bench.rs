@@ -28,6 +28,7 @@ pub(crate) fn config(index: u32) -> DriveConfig {
         place: Place::Alias(1_001 + index as u16),
         vendor: VENDOR,
         product: 1 + index,
+        serial: None,
         counts_per_turn: Some(1 << 20),
         travel: (-10_000_000, 10_000_000),
         needs_velocity_offset: true,

@@ -3,7 +3,7 @@
 use gantry_tau_ethercat::emulation::{PowerState, STEP_US};
 use gantry_tau_ethercat::{Condition, Fault, Offset, Target};
 
-use crate::bench::{Server, standing};
+use crate::bench::{Server, setups, standing, wire};
 
 /// Largest step of a drive's own reference when a motor moves by 10 counts per cycle, and its offset by 2.
 const STEP: i64 = 12;
@@ -70,24 +70,28 @@ fn targets_of_the_drives(server: &Server<3>) -> [Target; 3] {
     targets
 }
 
-/// An answer that comes after its cycle is dropped: it is not the next cycle's.
+/// An answer that comes after its cycle, whenever it comes, is a lost one: measurements and outcomes are the same, count for count.
 #[test]
-fn a_late_answer_is_not_taken_for_the_next() {
-    let mut server = moving();
-    {
-        let mut bench = server.wire.bench();
-        (bench.faults.delayed, bench.faults.delay_us) = (1, 700);
-    }
-    let before = *server.drives.inputs();
-    assert_eq!(server.cycle(), Err(Fault::NoAnswer));
-    assert_eq!(*server.drives.inputs(), before);
-    assert_eq!(server.cycle(), Err(Fault::Resent));
-    for _ in 0..300 {
-        walk(&mut server);
-        server.cycle().unwrap();
-        let (input, target) = (server.drives.inputs()[0], server.targets[0]);
-        let behind = target.position + target.offset.position - input.position;
-        assert!((0..4 * STEP as i32).contains(&behind), "{behind}: an answer of another cycle");
+fn a_late_answer_is_a_lost_one() {
+    // Half a cycle is waited for; 1.3 and 2.3 cycles are in the wait of another exchange, and so are 1.01 and 1.49.
+    for delay_us in [700, 1_010, 1_300, 1_490, 1_700, 2_300, 3_200] {
+        for delayed in [1, 3] {
+            let (mut late, mut lost) = (moving(), moving());
+            {
+                let mut bench = late.wire.bench();
+                (bench.faults.delayed, bench.faults.delay_us) = (delayed, delay_us);
+            }
+            lost.wire.bench().faults.lost_back = delayed;
+            for cycle in 0..20 {
+                walk(&mut late);
+                walk(&mut lost);
+                let outcomes = (late.cycle(), lost.cycle());
+                assert_eq!(outcomes.0, outcomes.1, "{delay_us} us, cycle {cycle}");
+                assert_eq!(outcomes.0.is_err(), cycle <= delayed, "{outcomes:?}");
+                assert_eq!(late.drives.inputs(), lost.drives.inputs(), "{delay_us} us, cycle {cycle}");
+                assert_eq!(targets_of_the_drives(&late), targets_of_the_drives(&lost));
+            }
+        }
     }
 }
 
@@ -241,4 +245,76 @@ fn a_restart_with_offsets_in_force_makes_no_step() {
     again.until_running(200);
     assert!(again.largest_step() <= 1);
     assert_eq!(again.targets.map(|target| target.offset), in_force);
+}
+
+/// A drive that stays in another mode would take a position for something else: it is not enabled, and named.
+#[test]
+fn a_drive_in_another_mode_is_not_enabled() {
+    let wire = wire(&setups(3));
+    wire.bench().chain.subdevice_mut(1).unwrap().drive_mut().force_mode(Some(1));
+    let server = Server::<3>::on(&wire);
+    let fault = Fault::Mode { motor: 1, mode: 1 };
+    assert_eq!(server.drives.condition(), Condition::Stopped(fault));
+    assert_eq!(fault.to_string(), "motor 1: the drive is in another mode of operation (6061h: 1, expected 8)");
+    assert_ne!(states(&server)[1], PowerState::OperationEnabled);
+    assert_eq!(server.largest_step(), 0);
+}
+
+#[test]
+fn a_mode_that_changes_in_operation_stops_the_drives() {
+    let mut server = moving();
+    server.wire.bench().chain.subdevice_mut(2).unwrap().drive_mut().force_mode(Some(9));
+    assert_eq!(server.until_fault(3).1, Fault::Mode { motor: 2, mode: 9 });
+    for _ in 0..20 {
+        assert!(server.cycle().is_err());
+    }
+    assert_eq!(states(&server), [PowerState::SwitchOnDisabled; 3]);
+    server.wire.bench().chain.subdevice_mut(2).unwrap().drive_mut().force_mode(None);
+    server.drives.rearm();
+    server.until_running(200);
+}
+
+/// A drive without 603Fh tells a following error by bit 13 of its status word.
+#[test]
+fn a_following_error_without_603f() {
+    let mut setups = setups(3);
+    setups[1].missing.push(0x603F);
+    let mut server = Server::<3>::on(&wire(&setups));
+    assert_eq!(server.drives.condition(), Condition::Running);
+    server.wire.bench().chain.subdevice_mut(1).unwrap().drive_mut().set_object(0x6065, 0, 3);
+    let fault = (0..50).find_map(|_| {
+        walk(&mut server);
+        server.cycle().err()
+    });
+    assert_eq!(fault, Some(Fault::FollowingError { motor: 1 }));
+    // Another fault of it has no code.
+    server.wire.bench().chain.subdevice_mut(1).unwrap().drive_mut().set_object(0x6065, 0, 20_000);
+    server.drives.rearm();
+    server.until_running(200);
+    server.wire.bench().chain.subdevice_mut(1).unwrap().drive_mut().trip();
+    assert_eq!(server.until_fault(3).1, Fault::Drive { motor: 1, error_code: 0 });
+}
+
+/// A drive that was without power has lost its configuration: it is not enabled again until the server is started again.
+#[test]
+fn a_drive_without_power_for_a_moment() {
+    let mut server = moving();
+    server.wire.bench().chain.subdevice_mut(1).unwrap().power_cycle();
+    let (cycles, fault) = server.until_fault(1);
+    assert_eq!((cycles, fault), (0, Fault::Absent { motor: 1 }));
+    for _ in 0..3 {
+        server.drives.rearm();
+        for _ in 0..200 {
+            assert!(server.cycle().is_err());
+        }
+        assert_ne!(states(&server)[1], PowerState::OperationEnabled);
+    }
+    assert!(server.largest_step() <= STEP);
+    let wire = server.wire.clone();
+    drop(server);
+    wire.idle(50_000);
+    let mut again = Server::<3>::on(&wire);
+    again.drives.rearm();
+    again.until_running(200);
+    assert_eq!(states(&again), [PowerState::OperationEnabled; 3]);
 }

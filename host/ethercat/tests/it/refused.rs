@@ -36,6 +36,7 @@ fn missing_objects() {
         (0x60B2, "axes.torque.max_permille"),
         (0x608F, "counts_per_turn"),
         (0x607A, "needs"),
+        (0x6061, "needs"),
     ] {
         let (error, text) = refusal(|drives, _| drives[1].missing.push(object), SETTINGS);
         assert!(
@@ -103,4 +104,37 @@ fn an_empty_bus_and_too_many_devices() {
     assert_eq!(Drives::bring_up(empty, &configs::<3>(), SETTINGS).unwrap_err(), BringUpError::Silent);
     let many = wire(&setups(17));
     assert_eq!(Drives::bring_up(many, &configs::<3>(), SETTINGS).unwrap_err(), BringUpError::TooMany);
+    // Sixteen are not too many, be they drives of the file or others, which stay where they are.
+    let most = wire(&setups(16));
+    Drives::bring_up(most.clone(), &configs::<3>(), SETTINGS).unwrap();
+    Drives::bring_up(most, &configs::<16>(), SETTINGS).unwrap();
+}
+
+/// Equal drives that are named by their position are told apart by their serial numbers, if the file has them.
+#[test]
+fn equal_drives_that_are_swapped() {
+    let swapped = |serials: bool| {
+        let (mut setups, mut configs) = (setups(3), configs::<3>());
+        for ((position, setup), config) in (0..).zip(&mut setups).zip(&mut configs) {
+            (setup.identity.product, config.product) = (1, 1);
+            config.place = Place::Position(position);
+            config.serial = serials.then_some(setup.identity.serial);
+        }
+        setups.swap(0, 2);
+        Drives::bring_up(wire(&setups), &configs, SETTINGS).map(|_| ())
+    };
+    assert_eq!(swapped(false), Ok(()), "nothing tells them apart");
+    let error = swapped(true).unwrap_err();
+    assert_eq!(error, BringUpError::Serial { motor: 0, place: Place::Position(0), expected: 100, found: 102 });
+    assert!(error.to_string().contains("serial number 102, expected 100"), "{error}");
+}
+
+/// A drive whose application refuses SAFE-OP is named with its reason.
+#[test]
+fn a_state_that_a_drive_refuses() {
+    let wire = wire(&setups(3));
+    wire.bench().chain.subdevice_mut(1).unwrap().refuse(4, 0x0024);
+    let error = Drives::bring_up(wire, &configs::<3>(), SETTINGS).unwrap_err();
+    assert!(matches!(error, BringUpError::Refused { motor: 1, state: 2, .. }), "{error}");
+    assert!(error.to_string().contains("refused to leave state 2: AL status code 0x0024"), "{error}");
 }

@@ -66,6 +66,7 @@ fn config(index: u16) -> DriveConfig {
         place: Place::Position(index),
         vendor: 1,
         product: 1,
+        serial: None,
         counts_per_turn: None,
         travel: (-1_000_000, 1_000_000),
         needs_velocity_offset: true,

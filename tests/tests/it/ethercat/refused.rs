@@ -1,8 +1,10 @@
 //! Robot files and buses that do not fit each other: refused by file, key and reason.
 
-use gantry_tau::ethercat::EthercatError;
+use gantry_tau::ethercat::{EmulatedMachine, EthercatError};
+use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, Ethercat, RobotFile, text_of};
 use gantry_tau_ethercat::BringUpError;
+use gantry_tau_ethercat::emulation::{Chain, Drive};
 
 use super::{bus, open, section};
 
@@ -43,6 +45,18 @@ fn sections_are_refused_by_key_and_reason() {
         ("counts_per_q = 104857600.0", "counts_per_q = 100.0", "ethercat.drives[0].counts_per_q", "10^6 to 10^12"),
         ("counts_per_q = 104857600.0", "counts_per_q = nan", "ethercat.drives[0].counts_per_q", "10^6 to 10^12"),
         ("counts_per_q = 104857600.0", "counts_per_q = 1e10", "ethercat.drives[0].counts_per_q", "32 bits"),
+        (
+            "sign = 1",
+            "sign = 1\nvelocity_unit_counts_per_s = 0.0",
+            "ethercat.drives[0].velocity_unit_counts_per_s",
+            "from 0.000001 to 1000000",
+        ),
+        (
+            "sign = 1",
+            "sign = 1\nvelocity_unit_counts_per_s = 2e6",
+            "ethercat.drives[0].velocity_unit_counts_per_s",
+            "from 0.000001 to 1000000",
+        ),
         ("vendor = 0x0A11", "", "vendor", "missing field"),
         ("sign = 1", "sign = 1\nsing = 1", "sing", "unknown field"),
     ] {
@@ -81,11 +95,123 @@ fn wrong_counts_signs_and_zeros_are_found_by_the_position() {
     assert!(text.contains("the motors of axis 1 stand 1000 um apart"), "{text}");
 }
 
+/// Opens a bus whose drives were handled before; returns the error.
+fn refused_bus<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+    handle: impl Fn(&mut Chain<EmulatedMachine<N, M>>),
+) -> EthercatError {
+    let bus = bus::<K, N, M>(robot);
+    handle(&mut bus.bench().chain);
+    open(robot, &section(robot), &bus, 0.0).unwrap_err()
+}
+
+/// Every error of a bus names the file, the key to change and the reason.
 #[test]
-fn another_bus_is_refused_with_the_file_and_the_motor() {
+fn errors_of_the_bus_name_file_key_and_reason() {
+    let drive = |chain: &mut Chain<EmulatedMachine<3, 3>>, change: &dyn Fn(&mut Drive)| {
+        change(chain.subdevice_mut(1).unwrap().drive_mut());
+    };
+    let l2 = RobotFile::builtin_l2().unwrap();
+    let of_bus = |handle: &dyn Fn(&mut Drive)| refused_bus::<_, 3, 3>(&l2, |chain| drive(chain, handle));
+    let errors = [
+        (
+            refusal(|section| section.drives[1].product = 2),
+            "ethercat.drives[1].product",
+            "at alias 1002 is product 0x1",
+        ),
+        (refusal(|section| section.drives[2].vendor = 2), "ethercat.drives[2].vendor", "expected 0x1 of 0x2"),
+        (refusal(|section| section.drives[1].serial = Some(7)), "ethercat.drives[1].serial", "expected 7"),
+        (refusal(|section| section.drives[1].alias = Some(9)), "ethercat.drives[1].alias", "no drive at alias 9"),
+        (
+            refusal(|section| (section.drives[0].alias, section.drives[0].position) = (None, Some(5))),
+            "ethercat.drives[0].position",
+            "no drive at position 5",
+        ),
+        (
+            // Drive 1 by its position, which is that of the alias of another motor.
+            refusal(|section| (section.drives[0].alias, section.drives[0].position) = (None, Some(1))),
+            "ethercat.drives[0].position",
+            "is not one drive for one motor",
+        ),
+        (
+            refusal(|section| section.drives[2].counts_per_turn = Some(1 << 17)),
+            "ethercat.drives[2].counts_per_turn",
+            "1048576 counts per turn, expected 131072",
+        ),
+        (refusal(|section| section.watchdog_cycles = 100), "ethercat.watchdog_cycles", "expected 1 to 10"),
+        (of_bus(&|drive| drive.remove_object(0x608F)), "ethercat.drives[1].counts_per_turn", "lacks object 608Fh"),
+        (of_bus(&|drive| drive.remove_object(0x60B1)), "axes.velocity.max_um_s", "lacks object 60B1h"),
+        (of_bus(&|drive| drive.remove_object(0x60B2)), "axes.torque.max_permille", "lacks object 60B2h"),
+        (of_bus(&|drive| drive.remove_object(0x607A)), "ethercat.drives[1]", "lacks object 607Ah"),
+        (
+            of_bus(&|drive| {
+                drive.set_object(0x607D, 1, -1_000);
+                drive.set_object(0x607D, 2, 1_000);
+            }),
+            "axes.machine_travel_m",
+            "beyond the drive's software limits (607Dh)",
+        ),
+        (
+            of_bus(&|drive| drive.set_object(0x60B0, 0, 1_000_000_000)),
+            "ethercat.drives[1]",
+            "its offsets are out of range",
+        ),
+        (
+            refused_bus::<_, 3, 3>(&l2, |chain| chain.subdevice_mut(2).unwrap().refuse(4, 0x0024)),
+            "ethercat.drives[2]",
+            "motor 2: the drive refused to leave state 2: AL status code 0x0024",
+        ),
+        (refused_bus::<_, 3, 3>(&l2, |chain| chain.cut_behind(0)), "ethercat", "no SubDevice answers"),
+    ];
+    for (error, key, reason) in errors {
+        let text = error.to_string();
+        let start = format!("robots/l2.toml (built in): {key}: ");
+        assert!(text.starts_with(&start) && text.contains(reason), "{key}, {reason}: {text}");
+    }
+}
+
+/// Watchdogs that do not read back, or that the outputs do not trigger: emulated buses of a robot file have none of them.
+#[test]
+fn errors_of_the_watchdog_name_its_key() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    for (is_writable, has_watchdog, reason) in [
+        (false, true, "motor 1: the watchdog reads 100000 us after 5000 us were written"),
+        (true, false, "motor 1: its outputs do not trigger the watchdog"),
+    ] {
+        let bus = bus::<_, 3, 3>(&robot);
+        bus.bench().chain.subdevice_mut(1).unwrap().set_watchdog(is_writable, has_watchdog);
+        let text = open(&robot, &section(&robot), &bus, 0.0).unwrap_err().to_string();
+        let start = "robots/l2.toml (built in): ethercat.watchdog_cycles: ";
+        assert!(text.starts_with(start) && text.contains(reason), "{text}");
+    }
+}
+
+/// The drives of a pair, of which one has an offset in force: no nominal reference puts both where they stand.
+#[test]
+fn a_pair_with_different_offsets_in_force() {
+    let robot = RobotFile::builtin_f1().unwrap();
+    let axis_of_motor = &robot.motors.axis_of_motor;
+    let second = (1..9).find(|motor| axis_of_motor[*motor] == axis_of_motor[motor - 1]).unwrap();
+    for object in [0x60B0, 0x60B1, 0x60B2] {
+        let handle = |offset: i32| {
+            move |chain: &mut Chain<EmulatedMachine<6, 9>>| {
+                chain.subdevice_mut(second).unwrap().drive_mut().set_object(object, 0, offset);
+            }
+        };
+        let text = refused_bus::<_, 6, 9>(&robot, handle(250_000)).to_string();
+        let start = format!("robots/f1.toml (built in): ethercat.drives[{second}]: ");
+        assert!(text.starts_with(&start) && text.contains("different offsets in force"), "{object:04X}h: {text}");
+    }
+    // A difference as two roundings make it is none.
+    let bus = bus::<_, 6, 9>(&robot);
+    bus.bench().chain.subdevice_mut(second).unwrap().drive_mut().set_object(0x60B0, 0, 1);
+    open(&robot, &section(&robot), &bus, 0.0).unwrap();
+}
+
+#[test]
+fn another_bus_is_refused_by_the_motor() {
     let error = refusal(|section| section.drives[1].product = 2);
     assert!(matches!(error, EthercatError::BringUp { error: BringUpError::Identity { motor: 1, .. }, .. }));
-    assert!(error.to_string().starts_with("robots/l2.toml (built in): [ethercat]: motor 1: at alias 1002"), "{error}");
     let error = refusal(|section| section.drives[2].counts_per_turn = Some(1 << 17));
     assert!(matches!(error, EthercatError::BringUp { error: BringUpError::Encoder { motor: 2, .. }, .. }));
     let robot = RobotFile::builtin_l2().unwrap();
