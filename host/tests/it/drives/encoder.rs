@@ -12,7 +12,9 @@ use super::close;
 /// without noise have no scale of their own, so it is 64 times as large with a 64th of the counts.
 #[test]
 fn the_table_of_encoders() {
-    for (counts, expected) in [(1 << 20, [9.54, 5.5, 0.852]), (1 << 14, [610.0, 352.0, 54.5])] {
+    for (counts, expected) in
+        [(1 << 20, [9.54, 5.5, 0.852]), (1 << 17, [76.3, 43.9, 6.82]), (1 << 14, [610.0, 352.0, 54.5])]
+    {
         let Line { step_nm, step_n, rest_n, .. } = line(counts).unwrap();
         let [expected_nm, expected_n, expected_rest_n] = expected;
         assert!(close(step_nm, expected_nm, 0.002), "{counts}: {step_nm} nm");
