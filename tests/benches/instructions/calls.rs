@@ -3,9 +3,6 @@
 #[cfg(target_os = "linux")]
 mod ethercat;
 
-#[cfg(target_os = "linux")]
-mod ethercat;
-
 use std::hint::black_box;
 
 use crate::setup::{a_command, l2, l2_compensator, load, loop_config, loop_input, on_time, six, six_compensator};
@@ -46,8 +43,6 @@ pub(crate) const CALLS: &[Call] = &[
     call("server_tick", None, server_tick),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(8_000), ethercat::exchange),
-    #[cfg(target_os = "linux")]
-    call("ethercat_exchange", Some(20_000), ethercat::exchange),
     call("encode_command", None, encode_command),
     call("encode_state", None, encode_a_state),
     call("decode_command", None, decode_command),
