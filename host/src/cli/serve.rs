@@ -113,6 +113,7 @@ pub(crate) struct Serve {
 impl MachineCommand for Serve {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         self.check()?;
+        self.check_interface(&robot)?;
         let allowed = Allowed::only(&self.allow)?;
         let gauges = self.plan.is_some().then_some(self.gauges);
         let own = [Some(self.listen), Some(self.sensor), gauges];
@@ -274,6 +275,19 @@ impl Serve {
             return Err("--motion must be from -1000 to 1000 mm");
         }
         Ok(())
+    }
+
+    /// Checks that the machine takes velocities, if its robot file has position loops for it.
+    fn check_interface<K, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<(), String> {
+        let needs = match (&self.plant, &self.plan) {
+            (PlantChoice::Simulated, None) => return Ok(()),
+            (PlantChoice::Simulated, Some(_)) => "--plan needs",
+            _ => "drives over EtherCAT (--plant) take",
+        };
+        match robot.position_loops {
+            None => Ok(()),
+            Some(_) => Err(format!("{}: drives.interface: is \"velocity\"; {needs} \"position\"", robot.name)),
+        }
     }
 
     fn motion<K: MachineKind<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Motion<N>, RobotFileError> {

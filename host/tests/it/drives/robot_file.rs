@@ -6,6 +6,7 @@ use gantry_tau::sim::drive::Settings;
 use gantry_tau::sim::drive::supervision::Limits;
 
 use super::{F1, L2};
+use crate::process::Folder;
 
 fn with(robot: &str, drives: &str) -> String {
     robot.replacen("[simulation]", &format!("[drives]\n{drives}\n[simulation]"), 1)
@@ -161,5 +162,19 @@ fn velocities_are_refused_where_a_stop_would_take_too_long() {
         let all = error.to_string();
         assert_eq!((&*error.file, &*error.key), ("x.toml", key), "{all}");
         assert!(error.reason.contains(reason) && all.lines().count() == 1, "{all}");
+    }
+}
+
+#[test]
+fn machines_that_take_positions_refuse_velocities_by_file_and_key() {
+    let folder = Folder::new("velocity");
+    folder.write("v.toml", &velocity(""));
+    for (more, reason) in [
+        (&["--plan", "plan.toml"][..], "--plan needs \"position\""),
+        (&["--plant", "ethercat:emulated"], "drives over EtherCAT (--plant) take \"position\""),
+        (&["--plant", "ethercat:eth9"], "drives over EtherCAT (--plant) take \"position\""),
+    ] {
+        let said = folder.run(&[&["serve", "--robot", "v.toml"], more].concat()).failure(1);
+        assert!(said.contains(&format!("v.toml: drives.interface: is \"velocity\"; {reason}")), "{said}");
     }
 }
