@@ -26,7 +26,7 @@ use crate::stop_latch::StopLatch;
 pub struct Row<const N: usize> {
     /// State of the tick: nominal references, offsets, actual values, counters.
     pub state: State<N>,
-    /// References of the axes. The drives have them unless `plant_failed`.
+    /// References of the axes. The drives have them unless `plant_failed`, or the server's own position loops are stopped in Fault.
     pub references: [Reference; N],
     /// Measurements at the tool.
     pub tool: Option<ToolReading>,
@@ -252,7 +252,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         self.latch.set(self.phase() == Phase::Fault);
         let parts = self.endpoint.session().demanded();
         let written = match &mut self.velocity {
-            None => references.map(|references| self.plant.write(&references, &parts)),
+            None => references.map(|references| self.plant.write(&references, &parts).map(|()| true)),
             Some(velocity) => self.endpoint.output().map(|output| {
                 let followed = Followed {
                     references: &output.references,
@@ -266,12 +266,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
                 velocity.write(&mut self.plant, &followed, self.black_boxes.as_mut().map(Sender::loops))
             }),
         };
-        self.write_failed = !matches!(written, Some(Ok(())));
+        self.write_failed = !matches!(written, Some(Ok(true)));
+        let plant_failed = reading.is_none() || !matches!(written, Some(Ok(_)));
         let failure = read.as_ref().err().copied().or_else(|| written?.err());
         if self.write_failed {
             self.endpoint.write_refused();
         }
-        let row = Row { failure, ..self.row(reading, elapsed, round_trip_us) };
+        let row = Row { failure, plant_failed, ..self.row(reading, elapsed, round_trip_us) };
         // The sample leaves before the State of the same tick, so that a client has it when it answers.
         if let Some(tool) = &row.tool {
             if let Some(sensor) = &mut self.sensor {
@@ -323,7 +324,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         self.plant.in_force().map_or(LastWrite::Unknown, |in_force| LastWrite::Refused { in_force })
     }
 
-    /// Summarises the tick that has just run.
+    /// Summarises the tick that has just run, but for its failures.
     fn row(&self, reading: Option<&Reading<N>>, elapsed: u32, round_trip_us: Option<u32>) -> Row<N> {
         #[expect(clippy::expect_used, reason = "a tick always leaves its output")]
         let output = self.endpoint.output().expect("a tick has run");
@@ -336,7 +337,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             refused: u8::try_from(output.refusals.len()).unwrap_or(u8::MAX),
             elapsed,
             round_trip_us,
-            plant_failed: reading.is_none() || self.write_failed,
+            plant_failed: false,
             failure: None,
             drives: self.plant.drives(),
             latch_lost: self.latch.is_lost(),

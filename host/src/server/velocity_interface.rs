@@ -101,16 +101,16 @@ impl<const N: usize, const M: usize> VelocityInterface<N, M> {
         self.accepted && !self.loops.is_running() && self.loops.is_at_rest()
     }
 
-    /// Runs the loops, and writes their velocities.
+    /// Runs the loops, and writes their velocities. Returns true if the axes follow the references, and false if they were stopped.
     ///
     /// # Errors
-    /// The axes do not follow the references, or the machine did not take the velocities.
+    /// The loops have stopped by themselves, or the machine did not take the velocities.
     pub fn write<P: Plant<N, M>>(
         &mut self,
         plant: &mut P,
         followed: &Followed<'_, N>,
         recorder: Option<&mut LoopsBox<N>>,
-    ) -> Result<(), PlantError> {
+    ) -> Result<bool, PlantError> {
         let permit = self.permit(followed);
         let mut inputs = followed.references.map(|reference| LoopInput { reference, actual: None, permit });
         for (input, actual) in inputs.iter_mut().zip(followed.actual.into_iter().flatten()) {
@@ -129,7 +129,8 @@ impl<const N: usize, const M: usize> VelocityInterface<N, M> {
         self.accepted = written.is_ok();
         written?;
         match self.loops.stop() {
-            None => Ok(()),
+            None => Ok(true),
+            Some((_, LoopStop::NotPermitted)) => Ok(false),
             Some((_, stop)) => Err(PlantError { operation: "follow its references", reason: reason(stop) }),
         }
     }
