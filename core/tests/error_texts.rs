@@ -48,6 +48,39 @@ fn configurations_name_the_axis() {
     );
 }
 
+#[cfg(feature = "position-loop")]
+#[test]
+fn position_loops_name_the_value() {
+    use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
+    let refused = |values: LoopValues| LoopConfig::new(values).unwrap_err();
+    let good = *LoopConfig::DISABLED.values();
+    for (values, text) in [
+        (LoopValues { gain: 40_000, ..good }, "gain is 40000; it must be from 0 to 32767"),
+        (
+            LoopValues { velocity_feed_forward: 2_000, ..good },
+            "velocity feed-forward is 2000; it must be from 0 to 1228",
+        ),
+        (
+            LoopValues { torque_feed_forward: 40_000, ..good },
+            "torque feed-forward is 40000; it must be from 0 to 32767",
+        ),
+        (LoopValues { integral: 2_000, ..good }, "integral is 2000; it must be from 0 to 1228"),
+        (LoopValues { integral_max: -1, ..good }, "largest integral is -1; it must be from 0 to 2147483647"),
+        (LoopValues { lag: 11, ..good }, "lag is 11; it must be from 0 to 10"),
+        (LoopValues { window_nm: 0, ..good }, "window in nm is 0; it must be from 1 to 16777216"),
+        (LoopValues { window_ticks: 0, ..good }, "window in ticks is 0; it must be from 1 to 65535"),
+        (
+            LoopValues { gain: 9_000, lag: 3, ..good },
+            "gain is 9000; with a lag of 3 ticks it must be at most 8192 (2^-16 um/s per nm)",
+        ),
+    ] {
+        says(refused(values), text);
+    }
+    let values = LimitValues { max: 40_000, step: 2, accel: 4, ramp: 1 };
+    let torque = Limits::new(values).unwrap();
+    says(refused(LoopValues { torque, ..good }), "largest torque is 40000; it must be from 0 to 32767");
+}
+
 #[test]
 fn frames_say_what_is_wrong_with_them() {
     says(FrameError::Magic, "the frame does not begin with \"GT\"");
