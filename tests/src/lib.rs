@@ -6,6 +6,7 @@
 //! | [`server_fixture`] | the server's cycle around it, with the bounds of `docs/design.md` 6 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
 //! | [`session_fixture`] | both together: one session, tick by tick |
+//! | [`short_demo`] | the demo with two force steps, on any machine |
 //! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
 //! | [`labcomm`] | streams decoded twice: by the crate, and by a decoder written from the format's page alone |
 //! | [`soak`] | clients that come and go over links that do harm, for a long time |
@@ -26,6 +27,7 @@ pub mod fuzzed;
 pub mod labcomm;
 pub mod server_fixture;
 pub mod session_fixture;
+pub mod short_demo;
 pub mod soak;
 
 use std::time::{Duration, Instant};
