@@ -2,16 +2,16 @@
 
 #[cfg(target_os = "linux")]
 mod ethercat;
+mod position_loop;
 
 use std::hint::black_box;
 
-use crate::setup::{a_command, l2, l2_compensator, load, loop_config, loop_input, on_time, six, six_compensator};
+use crate::setup::{a_command, l2, l2_compensator, load, on_time, six, six_compensator};
 use gantry_tau_core::control::message::ClientMessage;
-use gantry_tau_core::control::position_loop::{Permit, PositionLoop, PositionLoops};
 use gantry_tau_core::control::session::{Event, Input};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client, encode_state};
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, WARM_ITERATIONS};
-use gantry_tau_core::units::{EpochRange, PositionNm};
+use gantry_tau_core::units::EpochRange;
 use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor};
 use gantry_tau_labcomm::{Decoded, Decoder, Encoder, Event as LabCommEvent, Field, Version};
 use gantry_tau_proofs::robots;
@@ -38,8 +38,8 @@ pub(crate) const CALLS: &[Call] = &[
     call("six_jacobian", None, six_jacobian),
     call("six_compensation", None, six_compensation),
     call("session_tick", None, session_tick),
-    call("position_loop_axis", Some(120), position_loop_axis),
-    call("position_loops_of_six", None, position_loops_of_six),
+    call("position_loop_axis", Some(250), position_loop::axis),
+    call("position_loops_of_six", None, position_loop::six_axes),
     call("server_tick", None, server_tick),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(8_000), ethercat::exchange),
@@ -144,32 +144,6 @@ fn session_tick() {
     let input = black_box(input);
     let output = measured(|| session.tick(&input));
     assert_eq!(black_box(output).state.accepted, command.sequence);
-}
-
-/// One axis that follows with every term, in motion.
-fn position_loop_axis() {
-    let config = loop_config();
-    let mut axis = PositionLoop::at_rest(PositionNm(0));
-    let mut input = loop_input(0, Permit::Rearm);
-    for tick in 0..20 {
-        axis.tick(&config, &input);
-        input = loop_input(tick, Permit::Run);
-    }
-    let (mut axis, config, input) = black_box((axis, config, input));
-    let reference = black_box(measured(|| axis.tick(&config, &input)));
-    assert!(reference.velocity.0 > 0 && axis.stop().is_none());
-}
-
-fn position_loops_of_six() {
-    let mut loops = PositionLoops::at_rest([loop_config(); 6], [PositionNm(0); 6]);
-    let mut inputs = [loop_input(0, Permit::Rearm); 6];
-    for tick in 0..20 {
-        loops.tick(&inputs, true);
-        inputs = [loop_input(tick, Permit::Run); 6];
-    }
-    let (mut loops, inputs) = black_box((loops, inputs));
-    black_box(measured(|| loops.tick(&inputs, true)));
-    assert!(loops.is_running());
 }
 
 fn encode_command() {

@@ -1,10 +1,8 @@
 //! The machines and the server that the calls are made on.
 
-use gantry_tau_core::control::axis::{Offsets, Reference};
+use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
-use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
-use gantry_tau_core::control::position_loop::{LoopInput, Permit};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::control::session::{BlackBox, Connection, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
@@ -14,7 +12,7 @@ use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
-use gantry_tau_core::units::{EpochRange, Metres, OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{EpochRange, Metres, OffsetNm, PositionNm, Sequence};
 use gantry_tau_core::verification::control::Internals;
 use gantry_tau_proofs::robots;
 use gantry_tau_tests::client::hello;
@@ -99,30 +97,6 @@ impl Server {
 
 pub(crate) fn on_time() -> TickInput<6> {
     server_fixture::on_time([PositionNm(0); 6])
-}
-
-/// A position loop with every term, for a cycle of latency each way.
-pub(crate) fn loop_config() -> LoopConfig {
-    LoopConfig::new(LoopValues {
-        gain: 5_256,
-        velocity_feed_forward: 1_024,
-        torque_feed_forward: 2_621,
-        integral: 20,
-        integral_max: 10_000,
-        lag: 3,
-        window_nm: 2_000_000,
-        window_ticks: 10,
-        velocity: server_fixture::limits(600_000, 20_000, 40_000, 10_000),
-        torque: server_fixture::limits(1_000, 500, 1_000, 100),
-    })
-    .unwrap()
-}
-
-/// Input of a loop at a tick of a path of 0.1 m/s, some micrometres behind it.
-pub(crate) fn loop_input(tick: i64, permit: Permit) -> LoopInput {
-    let position = PositionNm(tick * 100_000);
-    let reference = Reference { position, velocity_offset: VelocityUmS(10), torque_offset: TorquePermille(1) };
-    LoopInput { reference, actual: Some(PositionNm(position.0 - 305_000)), permit }
 }
 
 pub(crate) fn a_command() -> (Server, Command<6>) {

@@ -13,7 +13,7 @@ fn the_velocity_in_force_makes_no_step() {
     for seed in 1..=4 {
         let mut server = Server::moving();
         let mut noise = Noise::new(seed);
-        let (mut trouble, mut demands) = (0, Demands::default());
+        let (mut trouble, mut demands) = (0_usize, Demands::default());
         let (mut failed, mut listened, mut largest) = (0, 0, 0);
         for tick in 0..20_000 {
             if trouble == 0 && noise.below(300) == 0 {
@@ -21,8 +21,8 @@ fn the_velocity_in_force_makes_no_step() {
                 let [refuses, is_deaf] = [[true, false], [false, true], [true, true]][noise.below(3)];
                 server.bus.refuses.store(refuses, Ordering::Relaxed);
                 server.bus.is_deaf.store(is_deaf, Ordering::Relaxed);
-            } else if trouble > 0 {
-                trouble -= 1;
+            } else {
+                trouble = trouble.saturating_sub(1);
             }
             if trouble == 0 {
                 server.bus.refuses.store(false, Ordering::Relaxed);
