@@ -1,0 +1,61 @@
+//! Position loops outside the drives.
+
+use std::hint::black_box;
+
+use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
+use gantry_tau_core::control::position_loop::{LoopInput, Permit, PositionLoop, PositionLoops};
+use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_tests::server_fixture;
+
+use super::measured;
+
+/// A position loop with every term, for a cycle of latency each way.
+fn config() -> LoopConfig {
+    LoopConfig::new(LoopValues {
+        gain: 5_256,
+        velocity_feed_forward: 1_024,
+        torque_feed_forward: 2_621,
+        integral: 20,
+        integral_max: 10_000,
+        lag: 3,
+        window_nm: 2_000_000,
+        window_ticks: 10,
+        velocity: server_fixture::limits(600_000, 20_000, 40_000, 10_000),
+        torque: server_fixture::limits(1_000, 500, 1_000, 100),
+    })
+    .unwrap()
+}
+
+/// Input of a loop at a tick of a path of 0.1 m/s, some micrometres behind it.
+fn input(tick: i64, permit: Permit) -> LoopInput {
+    let position = PositionNm(tick * 100_000);
+    let reference = Reference { position, velocity_offset: VelocityUmS(10), torque_offset: TorquePermille(1) };
+    LoopInput { reference, actual: Some(PositionNm(position.0 - 305_000)), permit }
+}
+
+/// One axis that follows with every term, in motion.
+pub(super) fn axis() {
+    let config = config();
+    let mut axis = PositionLoop::at_rest(PositionNm(0));
+    let mut given = input(0, Permit::Rearm);
+    for tick in 0..20 {
+        axis.tick(&config, &given);
+        given = input(tick, Permit::Run);
+    }
+    let (mut axis, config, given) = black_box((axis, config, given));
+    let reference = black_box(measured(|| axis.tick(&config, &given)));
+    assert!(reference.velocity.0 > 0 && axis.stop().is_none());
+}
+
+pub(super) fn six_axes() {
+    let mut loops = PositionLoops::at_rest([config(); 6], [PositionNm(0); 6]);
+    let mut inputs = [input(0, Permit::Rearm); 6];
+    for tick in 0..20 {
+        loops.tick(&inputs, true);
+        inputs = [input(tick, Permit::Run); 6];
+    }
+    let (mut loops, inputs) = black_box((loops, inputs));
+    black_box(measured(|| loops.tick(&inputs, true)));
+    assert!(loops.is_running());
+}
