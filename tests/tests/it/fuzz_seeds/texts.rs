@@ -38,7 +38,24 @@ pub(crate) fn robots() -> Vec<Seed> {
         ("section_missing", replaced("[axes]\n", "[axis]\n")),
     ];
     let seed = |(name, text): (&str, String)| (name.to_owned(), text.into_bytes());
-    all.into_iter().chain(robots_of_six_axes()).chain(robots_that_measured()).map(seed).collect()
+    let more = robots_of_six_axes().into_iter().chain(robots_with_drives()).chain(robots_that_measured());
+    all.into_iter().chain(more).map(seed).collect()
+}
+
+/// Robot files with drives of their own, that take positions and velocities.
+fn robots_with_drives() -> Vec<(&'static str, String)> {
+    let (l2, f1) = (include_str!("../../../../robots/l2.toml"), include_str!("../../../../robots/f1.toml"));
+    let drives = "[drives]\nbacklash_um = 20.0\nbias_permille = 200\npeak_seconds = 5.0\n\n[simulation]";
+    let velocities = "[drives]\ninterface = \"velocity\"\nwatchdog_cycles = 5\n\n\
+                      [position_loop]\nmax_m_per_s = 2.0\npath_m_per_s2 = 5.0\n\n[simulation]";
+    let narrow = replaced(l2, "[simulation]", velocities);
+    let ends = "machine_travel_m = [[-0.51, 2.01], [-2.01, 0.51], [-0.51, 2.01]]";
+    vec![
+        ("f1_drives", replaced(f1, "[simulation]", drives)),
+        ("drives_of_no_pair", replaced(l2, "[simulation]", drives)),
+        ("velocities", replaced(&narrow, ends, "machine_travel_m = [[-1.0, 3.0], [-3.0, 1.0], [-1.0, 3.0]]")),
+        ("velocities_without_room", narrow),
+    ]
 }
 
 fn robots_of_six_axes() -> Vec<(&'static str, String)> {
