@@ -130,6 +130,11 @@ impl<const N: usize, const M: usize> VelocityInterface<N, M> {
         written?;
         match self.loops.stop() {
             None => Ok(true),
+            // Nothing else keeps them from running.
+            Some(_) if permit == Permit::Rearm && accepted && before.is_at_rest() && followed.actual.is_some() => {
+                let reason = "an axis is further from its reference than its window (drives.following_error_um)";
+                Err(PlantError { operation: "follow its references", reason })
+            }
             Some((_, LoopStop::NotPermitted)) => Ok(false),
             Some((_, stop)) => Err(PlantError { operation: "follow its references", reason: reason(stop) }),
         }

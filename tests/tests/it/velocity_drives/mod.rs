@@ -52,6 +52,8 @@ struct Bus {
     /// Writes alone, or readings alone, do not get through.
     refuses: Arc<AtomicBool>,
     is_deaf: Arc<AtomicBool>,
+    /// What is read back is not where the axes are.
+    is_misread: Arc<AtomicBool>,
     /// Velocities in force at the drives, µm/s.
     in_force: Arc<Mutex<[i32; N]>>,
 }
@@ -71,7 +73,11 @@ impl Bus {
 impl Plant<N, L2_MOTORS> for Bus {
     fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
         self.checked(&self.is_deaf)?;
-        self.machine().in_force()
+        let mut in_force = self.machine().in_force()?;
+        if self.is_misread.load(Ordering::Relaxed) {
+            in_force[1].nominal.0 += 2_100_000;
+        }
+        Ok(in_force)
     }
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
@@ -139,6 +145,7 @@ impl Server {
             is_lost: Arc::default(),
             refuses: Arc::default(),
             is_deaf: Arc::default(),
+            is_misread: Arc::default(),
             in_force: Arc::default(),
         };
         let config = robot.session_config(Capabilities::NONE).unwrap();

@@ -251,3 +251,24 @@ fn the_black_box_of_a_stop_replays() {
         assert!(error.starts_with(reason), "{error}");
     }
 }
+
+/// A reference that is not where its axis is: the loops do not take it up, and say so.
+#[test]
+fn a_rearm_away_from_the_axis_moves_nothing_and_names_the_reason() {
+    let mut server = Server::moving();
+    server.at_full_speed();
+    server.step(Demands { stop: true, rearm: false });
+    until_rest(&mut server, Demands::default());
+    server.bus.is_misread.store(true, Ordering::Relaxed);
+    let stands_m = server.positions_m();
+    for _ in 0..500 {
+        let row = server.step(Demands { stop: false, rearm: true });
+        assert_eq!(row.state.phase, Phase::Fault);
+    }
+    let row = server.step(Demands { stop: false, rearm: true });
+    assert!(row.failure.unwrap().to_string().contains("further from its reference than its window"), "{row:?}");
+    assert!(farthest_mm(&stands_m, &server.positions_m()) < 0.001);
+    server.bus.is_misread.store(false, Ordering::Relaxed);
+    rearm(&mut server);
+    assert!(goes_on(&mut server) > 100.0);
+}
