@@ -1,17 +1,17 @@
 //! Hashes of the sources that a verdict depends on: a result is of this source as long as they agree.
 //!
 //! A row depends on
-//! - the wing of core that its family names: all of it but `model`, or all of it;
+//! - core without the wings that its family does not name: `model`, and `position_loop`;
 //! - the file of its family, the properties that file names, and those that they name;
 //! - the C interface, and LabComm, where these name it;
 //! - of the manifests and of Cargo.lock, the parts that concern core and what it is made of;
 //! - the row itself: its theorems and named checks; of a mutant, its fault;
 //! - the flags of Kani, and the rules of this program.
 //!
-//! A wing is the finest part of core that can be told from the text alone. Core compiles without the feature `model`
-//! (CI does it), so nothing else depends on that wing. Inside a wing, an `impl` in any file may decide what another one
-//! does. Of the properties that could be so too, therefore [`strays`] wants every `impl` in the file of its trait or
-//! its type.
+//! A wing is the finest part of core that can be told from the text alone. Core compiles without the features `model`
+//! and `position-loop` (CI does it), so nothing else depends on these wings. Inside a wing, an `impl` in any file may
+//! decide what another one does. Of the properties that could be so too, therefore [`strays`] wants every `impl` in the
+//! file of its trait or its type.
 //!
 //! Comments, blank lines, tests, and the lists of modules do not count.
 
@@ -27,6 +27,26 @@ use crate::{at, files, kani, read};
 /// Raised when this program judges Kani's output by other rules: earlier results are then of another source.
 const RULES: u32 = 1;
 
+/// Part of core behind a feature of its own, without which core compiles: a module, and all below it.
+struct Wing {
+    feature: &'static str,
+    /// True if the feature belongs to the part of the manifest that every row depends on. (If a younger one did, it would have
+    /// made all results stale.)
+    is_common: bool,
+    /// True if a text of a family names it.
+    is_named: fn(&str) -> bool,
+}
+
+const WINGS: [Wing; 2] = [
+    // A path; the word alone may stand in a text.
+    Wing { feature: "model", is_common: true, is_named: |text| text.contains("model::") || text.contains("::model") },
+    Wing {
+        feature: "position-loop",
+        is_common: false,
+        is_named: |text| words(text).any(|word| word == "position_loop"),
+    },
+];
+
 /// Hashes of every family's sources.
 #[derive(PartialEq, Eq)]
 pub(crate) struct Sources(BTreeMap<&'static str, Hash>);
@@ -34,9 +54,9 @@ pub(crate) struct Sources(BTreeMap<&'static str, Hash>);
 impl Sources {
     /// Reads a repository.
     pub(crate) fn read(root: &Path) -> Result<Self, String> {
-        let cargo = cargo(root)?;
         let families = HARNESSES.iter().filter_map(|harnesses| Some(harnesses.first()?.family()));
-        let hashes = families.map(|name| Ok((name, family(root, name, cargo)?)));
+        let mut cargos = BTreeMap::new();
+        let hashes = families.map(|name| Ok((name, family(root, name, &mut cargos)?)));
         Ok(Self(hashes.collect::<Result<_, String>>()?))
     }
 
@@ -69,8 +89,8 @@ impl Hash {
     }
 }
 
-/// Hash of one family.
-fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
+/// Hash of one family. `cargos`: hashes of the manifests without some features, once they are known.
+fn family(root: &Path, name: &str, cargos: &mut BTreeMap<Vec<&str>, Hash>) -> Result<Hash, String> {
     let proofs = root.join("proofs/src");
     let mut texts = BTreeMap::new();
     let mut names = vec!["lib".to_owned(), "harness/mod".to_owned(), format!("harness/{name}")];
@@ -89,11 +109,18 @@ fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
         interface(root, &mut texts)?;
     }
     if texts.values().any(|text| text.contains("gantry_tau_labcomm::")) {
-        wing(&root.join("host/labcomm/src/lib.rs"), true, &mut texts)?;
+        library(&root.join("host/labcomm/src/lib.rs"), &[], &mut texts)?;
     }
-    // A path; the word alone may stand in a text.
-    let with_model = texts.values().any(|text| text.contains("model::") || text.contains("::model"));
-    wing(&root.join("core/src/lib.rs"), with_model, &mut texts)?;
+    let mut left_out = Vec::from_iter(&WINGS);
+    left_out.retain(|wing| !texts.values().any(|text| (wing.is_named)(text)));
+    let features: Vec<&str> = left_out.iter().map(|wing| wing.feature).collect();
+    library(&root.join("core/src/lib.rs"), &features, &mut texts)?;
+    let features: Vec<&str> = left_out.iter().filter(|wing| !wing.is_common).map(|wing| wing.feature).collect();
+    let mut hash = match cargos.get(&features) {
+        Some(hash) => *hash,
+        None => cargo(root, &features)?,
+    };
+    cargos.insert(features, hash);
     for (name, text) in &texts {
         hash.add(name.trim_start_matches(&root.display().to_string()));
         hash.add(text);
@@ -103,7 +130,7 @@ fn family(root: &Path, name: &str, mut hash: Hash) -> Result<Hash, String> {
 
 /// Adds the sources of the C interface, the manifest that compiles them for the proofs, and what that takes from elsewhere.
 fn interface(root: &Path, texts: &mut BTreeMap<String, String>) -> Result<(), String> {
-    wing(&root.join("host/capi/src/lib.rs"), true, texts)?;
+    library(&root.join("host/capi/src/lib.rs"), &[], texts)?;
     let path = root.join("proofs/capi/Cargo.toml");
     let manifest = read(&path)?;
     let needed = needed(&toml::from_str(&manifest).map_err(at(&path))?);
@@ -143,22 +170,23 @@ fn words(text: &str) -> impl Iterator<Item = &str> {
     text.split(|letter: char| !letter.is_alphanumeric() && letter != '_').filter(|word| !word.is_empty())
 }
 
-/// Adds a file of core and its modules, as the compiler finds them.
-fn wing(file: &Path, with_model: bool, texts: &mut BTreeMap<String, String>) -> Result<(), String> {
+/// Adds a file of a library and its modules, as the compiler finds them, but for the modules of the features that are
+/// left out.
+fn library(file: &Path, left_out: &[&str], texts: &mut BTreeMap<String, String>) -> Result<(), String> {
     let Significant { text, modules } = significant(&read(file)?);
-    if !with_model && text.contains("feature = \"model\"") {
-        return Err(format!("{}: depends on the feature `model`, which results of control do not", file.display()));
+    if let Some(feature) = left_out.iter().find(|feature| text.contains(&format!("feature = \"{feature}\""))) {
+        return Err(format!("{}: depends on the feature `{feature}`, which results of others do not", file.display()));
     }
     let stem = file.file_stem().unwrap_or_default();
     let folder = if stem == "lib" || stem == "mod" { file.with_file_name("") } else { file.with_extension("") };
     for Module { name, attributes } in modules {
-        let is_model = attributes.iter().any(|line| line == "#[cfg(feature = \"model\")]");
+        let is_behind = |feature: &str| attributes.contains(&format!("#[cfg(feature = \"{feature}\")]"));
         let is_test = attributes.iter().any(|line| line == "#[cfg(test)]");
-        if is_test || (is_model && !with_model) {
+        if is_test || left_out.iter().any(|feature| is_behind(feature)) {
             continue;
         }
         let path = Some(folder.join(format!("{name}.rs"))).filter(|path| path.is_file());
-        wing(&path.unwrap_or_else(|| folder.join(&name).join("mod.rs")), with_model, texts)?;
+        library(&path.unwrap_or_else(|| folder.join(&name).join("mod.rs")), left_out, texts)?;
     }
     texts.insert(file.display().to_string(), text);
     Ok(())
@@ -223,8 +251,8 @@ pub(crate) fn strays(root: &Path) -> Result<Vec<String>, String> {
     Ok(wrong)
 }
 
-/// Hash of the rules, of Kani's flags, and of the parts of manifests and lock that concern core.
-fn cargo(root: &Path) -> Result<Hash, String> {
+/// Hash of the rules, of Kani's flags, and of the parts of manifests and lock that concern core without some features.
+fn cargo(root: &Path, left_out: &[&str]) -> Result<Hash, String> {
     let table = |path: &str| -> Result<Table, String> {
         let path = root.join(path);
         toml::from_str(&read(&path)?).map_err(at(&path))
@@ -238,11 +266,12 @@ fn cargo(root: &Path) -> Result<Hash, String> {
     names.extend(needed(&proofs));
     names.extend(["nalgebra".to_owned(), "libm".to_owned()]);
     let shared = get(&workspace, &["workspace", "dependencies"]).and_then(Value::as_table);
+    let features = get(&core, &["features"]).map(|features| without(features, left_out));
     let mut parts = vec![
         get(&workspace, &["profile"]),
         get(&workspace, &["patch"]),
         get(&workspace, &["workspace", "package", "edition"]),
-        get(&core, &["features"]),
+        features.as_ref(),
         get(&core, &["dependencies"]),
         get(&core, &["package", "edition"]),
         get(&proofs, &["package", "metadata"]),
@@ -251,6 +280,20 @@ fn cargo(root: &Path) -> Result<Hash, String> {
     parts.iter().for_each(|part| hash.add(&part.map_or_else(String::new, Value::to_string)));
     locked(&lock, names).iter().for_each(|package| hash.add(package));
     Ok(hash)
+}
+
+/// Table of features without some, and without their names in the others.
+fn without(features: &Value, left_out: &[&str]) -> Value {
+    let is_left_out = |name: &Value| name.as_str().is_some_and(|name| left_out.contains(&name));
+    let features = features.as_table().into_iter().flatten().filter(|(name, _)| !left_out.contains(&name.as_str()));
+    let features = features.map(|(name, value)| {
+        let mut value = value.clone();
+        if let Value::Array(names) = &mut value {
+            names.retain(|name| !is_left_out(name));
+        }
+        (name.clone(), value)
+    });
+    Value::Table(features.collect())
 }
 
 /// Value in tables of tables.

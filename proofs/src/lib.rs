@@ -8,9 +8,10 @@
 //! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
 //! ```
 //!
-//! (and `--features capi` for one of the C interface, `--features labcomm` for one of LabComm).
+//! (and `--features capi` for one of the C interface, `--features labcomm` for one of LabComm, `--features position_loop` for one of the
+//! position loop).
 //!
-//! The theorems, T1 to T16 and T21 to T26, are listed and explained in this folder's README.
+//! The theorems, T1 to T26, are listed and explained in this folder's README.
 #![forbid(unsafe_code)]
 #![allow(
     clippy::arithmetic_side_effects,
@@ -46,6 +47,8 @@ pub mod known_solution;
 pub mod labcomm;
 pub mod monitor;
 pub mod motors;
+#[cfg(feature = "position_loop")]
+pub mod position_loop;
 #[cfg(not(kani))]
 pub mod reference_model;
 pub mod robots;

@@ -130,6 +130,8 @@ mod monitor;
 mod motors;
 #[cfg(any(not(feature = "only"), feature = "no_panic"))]
 mod no_panic;
+#[cfg(feature = "position_loop")]
+mod position_loop;
 #[cfg(any(not(feature = "only"), feature = "session"))]
 mod session;
 #[cfg(any(not(feature = "only"), feature = "wire"))]
@@ -155,6 +157,7 @@ pub const HARNESSES: &[&[Harness]] = &[
     monitor::HARNESSES,
     motors::HARNESSES,
     no_panic::HARNESSES,
+    position_loop::HARNESSES,
     session::HARNESSES,
     wire::HARNESSES,
 ];

@@ -13,6 +13,7 @@ mod endpoint;
 mod floats;
 mod known_solution;
 mod labcomm;
+mod position_loop;
 #[cfg(feature = "runner")]
 mod runner;
 mod scenario;

@@ -9,6 +9,7 @@ mod frame;
 mod kinematics;
 mod labcomm;
 mod measurements;
+mod position_loop;
 mod session;
 mod solve;
 
@@ -19,6 +20,7 @@ pub use frame::{Sealed, frame};
 pub use kinematics::{Problem, kinematics};
 pub use labcomm::{labcomm, labcomm_json};
 pub use measurements::{BETWEEN, kinds_of_file, measurements};
+pub use position_loop::{CONFIG as LOOP_CONFIG, TICK as LOOP_TICK, position_loop};
 pub use session::session;
 pub use solve::solve;
 
@@ -28,7 +30,7 @@ use arbitrary::{Arbitrary, Unstructured};
 pub type Target = fn(&[u8]);
 
 /// Every target by its name, which is that of its folder of seeds.
-pub const TARGETS: [(&str, Target); 10] = [
+pub const TARGETS: [(&str, Target); 11] = [
     ("compensation", compensation),
     ("config", config),
     ("deframer", deframer),
@@ -37,6 +39,7 @@ pub const TARGETS: [(&str, Target); 10] = [
     ("labcomm", labcomm),
     ("labcomm_json", labcomm_json),
     ("measurements", measurements),
+    ("position_loop", position_loop),
     ("session", session),
     ("solve", solve),
 ];

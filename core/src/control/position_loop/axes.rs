@@ -99,7 +99,7 @@ impl<const N: usize> PositionLoops<N> {
         let Self { config, axes, before } = self;
         if !accepted {
             *axes = *before;
-            axes.iter_mut().for_each(|axis| axis.stop_with(LoopStop::Refused));
+            stop_all(axes, LoopStop::Refused);
         }
         *before = *axes;
         let ready = accepted
@@ -107,23 +107,42 @@ impl<const N: usize> PositionLoops<N> {
                 (Some(axis), Some(config), Some(input)) => axis.is_ready(config, input),
                 _ => false,
             });
+        // Counted, as in `crate::zip`.
         let mut errors = [0_i64; N];
-        for (axis, ((config, input), error)) in axes.iter_mut().zip(config.iter().zip(inputs).zip(&mut errors)) {
-            if ready {
-                axis.restart(input.reference.position);
+        for index in 0..N {
+            if let (Some(axis), Some(config), Some(input), Some(error)) =
+                (axes.get_mut(index), config.get(index), inputs.get(index), errors.get_mut(index))
+            {
+                if ready {
+                    axis.restart(input.reference.position);
+                }
+                *error = axis.observe(config, input);
             }
-            *error = axis.observe(config, input);
         }
         if each(axes).any(|axis| axis.stop().is_some()) {
-            axes.iter_mut().for_each(|axis| axis.stop_with(LoopStop::OtherAxis));
+            stop_all(axes, LoopStop::OtherAxis);
         }
         let mut references = [VelocityReference::default(); N];
-        let inputs = inputs.iter().zip(&errors);
-        for ((reference, axis), (config, (input, error))) in
-            references.iter_mut().zip(axes).zip(config.iter().zip(inputs))
-        {
-            *reference = axis.act(config, input, *error);
+        for index in 0..N {
+            if let (Some(axis), Some(config), Some(input), Some(error), Some(reference)) = (
+                axes.get_mut(index),
+                config.get(index),
+                inputs.get(index),
+                errors.get(index),
+                references.get_mut(index),
+            ) {
+                *reference = axis.act(config, input, *error);
+            }
         }
         references
+    }
+}
+
+/// Stops the loops that run.
+fn stop_all<const N: usize>(axes: &mut [PositionLoop; N], stop: LoopStop) {
+    for index in 0..N {
+        if let Some(axis) = axes.get_mut(index) {
+            axis.stop_with(stop);
+        }
     }
 }

@@ -5,6 +5,7 @@
 mod bytes;
 mod labcomm;
 mod loads;
+mod loops;
 mod measured;
 mod mistakes;
 mod problems;
@@ -30,6 +31,7 @@ fn seeds_of(target: &str) -> Vec<Seed> {
         "labcomm" => labcomm::streams(),
         "labcomm_json" => labcomm::lines(),
         "measurements" => measured::seeds(),
+        "position_loop" => loops::seeds(),
         "session" => scenarios::seeds(),
         "solve" => texts::requests(),
         _ => Vec::new(),
