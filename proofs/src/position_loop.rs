@@ -8,8 +8,9 @@ use gantry_tau_core::control::position_loop::{
 use gantry_tau_core::units::{ChannelUnit, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::position_loop::{INTEGRAL_SHIFT, difference, integrate, product, weighted};
 
-/// Largest magnitude of a value that is weighted: the difference of two changes.
+/// Largest magnitude of a value that is weighted: the difference of two changes. Its product with any weight does not overflow.
 pub const MAX_WEIGHTED: i64 = 2 * MAX_ERROR_NM;
+const _: () = assert!(MAX_WEIGHTED <= i64::MAX >> 16, "no product overflows");
 
 /// Runs one tick: the loop after it, and its output.
 fn tick(before: &PositionLoop, config: &LoopConfig, input: &LoopInput) -> (PositionLoop, VelocityReference) {
@@ -108,13 +109,13 @@ pub fn stops_with_its_ramp(before: &PositionLoop, config: &LoopConfig, input: &L
     if after.stop().is_none() {
         return;
     }
-    ramps(before.parts(), after.parts(), config);
     let rho = config.values().velocity.ramp();
     let (magnitude, left) =
         (before.parts().velocity.count().unsigned_abs(), after.parts().velocity.count().unsigned_abs());
     let lowered = bound.saturating_sub(rho);
     assert!(magnitude > bound || left <= lowered, "T18: a bound from above falls by rho");
     assert!(magnitude < bound || left >= lowered, "T18: a bound from below falls by rho");
+    ramps(before.parts(), after.parts(), config);
 }
 
 /// T19: a loop that runs counts the ticks in a row outside the window, and stops in the tick in which these are `window_ticks`, not
@@ -157,10 +158,8 @@ pub fn error_is_exact(reference: PositionNm, actual: PositionNm) {
     assert!(i128::from(found) == error(reference, actual), "T20: the error is the difference, cut");
 }
 
-/// T20: the product of a value and a weight does not overflow; it has the sign of the value, or is zero; it is at most 2^16 times the
-/// value. `|value| <= 2^25`.
+/// T20: the product of a value and a weight has the sign of the value, or is zero, and is at most 2^16 times the value. `|value| <= 2^25`.
 pub fn product_is_bounded(value: i64, weight: u16) {
-    assert!(value.checked_mul(i64::from(weight)).is_some(), "T20: the product does not overflow");
     assert!(is_product_of(value, weight, product(value, weight)), "T20: the product has its sign and its bound");
 }
 
@@ -175,8 +174,8 @@ pub fn is_product_of(value: i64, weight: u16, product: i64) -> bool {
 /// `|value| <= 2^25`.
 pub fn term_is_exact<const SHIFT: u32>(value: i64, weight: u16) {
     let term = weighted::<SHIFT>(value, weight);
-    assert!(weighted::<SHIFT>(-value, weight) == -term, "T20: a term is odd");
     assert!(value != 0 || term == 0, "T20: a term of zero is zero");
+    assert!(weighted::<SHIFT>(-value, weight) == -term, "T20: a term is odd");
     assert!(term == 0 || (term > 0) == (value > 0), "T20: a term has the sign of its value");
     let product = product(value.abs(), weight);
     assert!(term.abs() << SHIFT <= product, "T20: a term is at most weight times value");
@@ -302,9 +301,14 @@ pub fn axis_of_many_is_bounded<const N: usize>(before: &Before<N>, axis: usize) 
 
 /// Any one of the axes that run does what it does by itself.
 pub fn axis_of_many_acts_alone<const N: usize>(before: &Before<N>, axis: usize) {
-    let (alone, _) = tick(&before.axes[axis], &before.config[axis], &before.inputs[axis]);
-    let (after, _) = before.tick();
-    assert!(!after.is_running() || after.axes()[axis] == alone, "an axis that runs does what it does by itself");
+    // First: where what an axis does is unknown, the tick of all must do the same.
+    let (alone, reference) = tick(&before.axes[axis], &before.config[axis], &before.inputs[axis]);
+    let all_run = (0..N).all(|axis| runs(&before.axes[axis], &before.config[axis], &before.inputs[axis]));
+    let (after, references) = before.tick();
+    if before.accepted && all_run {
+        let same = after.axes()[axis] == alone && references[axis] == reference;
+        assert!(same, "an axis that runs does what it does by itself");
+    }
 }
 
 /// T17, all axes: the references that were in force before the tick are kept, and in force again if the drives refuse those of the tick.

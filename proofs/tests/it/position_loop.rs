@@ -9,6 +9,7 @@ use gantry_tau_core::control::position_loop::config::{
 };
 use gantry_tau_core::control::position_loop::{LoopInput, LoopParts, LoopStop, Permit, PositionLoop};
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::verification::position_loop::product;
 use gantry_tau_proofs::position_loop::{self as loops, Before, MAX_WEIGHTED};
 use proptest::array::{uniform, uniform11};
 use proptest::collection::vec;
@@ -18,8 +19,8 @@ use proptest::sample::select;
 
 use crate::any;
 
-/// Number of axes of the properties of several.
-const N: usize = 3;
+/// Number of axes of the properties of several; the proofs are of three.
+const N: usize = 6;
 
 /// Limits where things happen, and all others.
 fn limits<U: std::fmt::Debug>(most: i32) -> impl Strategy<Value = Limits<U>> {
@@ -94,13 +95,11 @@ fn loop_of(config: LoopConfig) -> BoxedStrategy<PositionLoop> {
 
 /// Loops that run together, or have stopped together.
 fn loops_of(config: [LoopConfig; N]) -> BoxedStrategy<[PositionLoop; N]> {
-    let [a, b, c] = config;
-    (loop_of(a), loop_of(b), loop_of(c), stop())
-        .prop_map(move |(a, b, c, stop)| {
-            let with_stop = |axis: PositionLoop, config: &LoopConfig| {
-                PositionLoop::from_parts(LoopParts { stop, ..*axis.parts() }, config).unwrap()
-            };
-            [with_stop(a, &config[0]), with_stop(b, &config[1]), with_stop(c, &config[2])]
+    (config.map(loop_of), stop())
+        .prop_map(move |(axes, stop)| {
+            std::array::from_fn(|axis| {
+                PositionLoop::from_parts(LoopParts { stop, ..*axes[axis].parts() }, &config[axis]).unwrap()
+            })
         })
         .boxed()
 }
@@ -161,6 +160,7 @@ proptest! {
     fn one_term(value in value(), other in value(), weight: u16, from in position(), to in position()) {
         loops::error_is_exact(from, to);
         loops::product_is_bounded(value, weight);
+        prop_assert_eq!(i128::from(product(value, weight)), i128::from(value) * i128::from(weight));
         loops::term_is_exact::<16>(value, weight);
         loops::term_is_exact::<10>(value, weight);
         loops::term_is_monotone::<16>(value, other, weight);
