@@ -67,7 +67,7 @@ fn position_loops_name_the_value() {
         (LoopValues { integral: 2_000, ..good }, "integral is 2000; it must be from 0 to 1228"),
         (LoopValues { integral_max: -1, ..good }, "largest integral is -1; it must be from 0 to 2147483647"),
         (LoopValues { lag: 11, ..good }, "lag is 11; it must be from 0 to 10"),
-        (LoopValues { window_nm: 0, ..good }, "window in nm is 0; it must be from 1 to 16777216"),
+        (LoopValues { window_nm: 0, ..good }, "window in nm is 0; it must be from 1 to 16777215"),
         (LoopValues { window_ticks: 0, ..good }, "window in ticks is 0; it must be from 1 to 65535"),
         (
             LoopValues { gain: 9_000, lag: 3, ..good },

@@ -25,9 +25,9 @@ fn error(reference: PositionNm, actual: PositionNm) -> i128 {
     (i128::from(reference.0) - i128::from(actual.0)).max(-most).min(most)
 }
 
-/// True if the actual value is outside the window of a reference.
+/// True if the actual value is outside the window of a reference: by their true distance, whatever the error is cut to.
 fn is_outside(reference: PositionNm, actual: PositionNm, config: &LoopConfig) -> bool {
-    error(reference, actual).abs() > config.values().window_nm.into()
+    (i128::from(reference.0) - i128::from(actual.0)).abs() > config.values().window_nm.into()
 }
 
 /// Reference that belongs to the actual value of a tick: `lag` ticks old.
@@ -163,7 +163,7 @@ pub fn product_is_bounded(value: i64, weight: u16) {
     assert!(is_product_of(value, weight, product(value, weight)), "T20: the product has its sign and its bound");
 }
 
-/// What is known of a product.
+/// True if a product has the sign and the bound that are known of it.
 #[must_use]
 pub fn is_product_of(value: i64, weight: u16, product: i64) -> bool {
     let most = if weight == 0 { 0 } else { value << 16 };

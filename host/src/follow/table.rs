@@ -52,7 +52,7 @@ fn line(row: &LoopNumbers) -> String {
     )
 }
 
-/// What the numbers say, for whoever has to choose.
+/// Conclusion from the numbers, for whoever has to choose.
 fn conclusion(results: &FollowResults) -> String {
     let (Some(inside), Some(outside)) = (results.inside(), results.outside()) else { return String::new() };
     format!(

@@ -30,7 +30,7 @@ pub struct VelocityInterface<const N: usize, const M: usize> {
 pub struct Followed<'a, const N: usize> {
     /// References of the axes.
     pub references: &'a [Reference; N],
-    /// What they consist of.
+    /// Nominal references and offsets that they consist of.
     pub parts: &'a [InForce; N],
     /// The session withholds them.
     pub withheld: bool,
@@ -178,5 +178,6 @@ const fn reason(stop: LoopStop) -> &'static str {
         LoopStop::FollowingError => "the following error of a position loop was too large (drives.following_error_um)",
         LoopStop::OtherAxis => "the position loop of another axis has stopped",
         LoopStop::Refused => "the drives did not take a velocity",
+        _ => "a position loop has stopped",
     }
 }

@@ -28,7 +28,7 @@ pub struct Interpolator<const N: usize> {
     cycle: u32,
     /// Largest speed and acceleration, m/s and m/s^2.
     speed: (f64, f64),
-    /// What is left of a leg that was left on the way, from where the axes stood, and the cycles since it was taken up again.
+    /// Rest of a leg that was left on the way, from where the axes stood, and the cycles since it was taken up again.
     rest: Option<(Leg<N>, u32)>,
 }
 

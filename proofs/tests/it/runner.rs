@@ -396,7 +396,7 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
         }
     }
 
-    /// What stands behind the feature of a wing is a module of its own, so that it can be left out of the others' rows.
+    /// The feature of a wing gates a module of its own, which can be left out of the others' rows.
     #[test]
     fn a_wing_is_a_module() {
         let toy = Toy::new("wing");

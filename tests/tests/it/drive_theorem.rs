@@ -22,7 +22,7 @@ use gantry_tau_tests::wait_for;
 const STEPS: i32 = 8;
 const OFFSET_NM: i32 = 60_000;
 
-/// What one motor's drive has in force, seen at the drive.
+/// Values in force at one motor's drive, seen at the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct AtDrive {
     axis: usize,

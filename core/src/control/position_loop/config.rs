@@ -7,8 +7,8 @@ use crate::units::{TorquePermille, VelocityUmS};
 
 /// Largest error and change of a reference that act, nm: 16.8 mm. What is beyond counts as this.
 pub const MAX_ERROR_NM: i64 = 1 << 24;
-/// Largest window of the following error, nm: [`MAX_ERROR_NM`].
-pub const MAX_WINDOW_NM: i32 = 1 << 24;
+/// Largest window of the following error, nm: below [`MAX_ERROR_NM`], so that the largest error is outside of every window.
+pub const MAX_WINDOW_NM: i32 = (1 << 24) - 1;
 /// References that are kept, beside the one of the tick.
 pub const MAX_LAG: u8 = 10;
 /// Largest gain, in 2^-16 µm/s per nm: 500 1/s.

@@ -59,6 +59,7 @@ pub enum Permit {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
+#[non_exhaustive]
 pub enum LoopStop {
     /// It was not allowed to run.
     NotPermitted,

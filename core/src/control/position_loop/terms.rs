@@ -42,7 +42,7 @@ pub fn weighted<const SHIFT: u32>(value: i64, weight: u16) -> i64 {
 #[inline]
 #[must_use]
 pub fn integrate(integral: i64, growth: i64, short: i64, most: i32) -> i64 {
-    let winds_up = short != 0 && (growth > 0 && short > 0 || growth < 0 && short < 0);
+    let winds_up = growth > 0 && short > 0 || growth < 0 && short < 0;
     let most = i64::from(most) << INTEGRAL_SHIFT;
     let grown = if winds_up { integral } else { integral.saturating_add(growth) };
     grown.max(most.saturating_neg()).min(most)

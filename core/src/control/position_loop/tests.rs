@@ -199,6 +199,25 @@ fn it_trips_in_the_last_tick_of_the_window_and_not_before() {
     }
 }
 
+/// Found by the proofs' author: a window of the largest error that acts had nothing outside.
+#[test]
+fn an_error_beyond_all_bounds_trips_the_largest_window() {
+    let config = config(LoopValues { window_nm: MAX_WINDOW_NM, ..values() });
+    for far in [MAX_ERROR_NM, i64::MAX, i64::MIN] {
+        let mut axis = running(&config);
+        for _ in 0..WINDOW_TICKS {
+            axis.tick(&config, &input(0, far));
+        }
+        assert_eq!(axis.stop(), Some(LoopStop::FollowingError), "{far}");
+        while !axis.is_at_rest() {
+            axis.tick(&config, &LoopInput { permit: Permit::Stop, ..input(0, far) });
+        }
+        axis.tick(&config, &LoopInput { permit: Permit::Rearm, ..input(0, far) });
+        assert!(axis.stop().is_some(), "not onto a reference {far} away");
+    }
+    assert!(LoopConfig::new(LoopValues { window_nm: MAX_WINDOW_NM + 1, ..values() }).is_err());
+}
+
 #[test]
 fn offsets_are_added_and_bounded_too() {
     let config = config(values());
