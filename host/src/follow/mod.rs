@@ -163,16 +163,15 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     for latency in latencies {
         loops.push(bench.outside(latency)?);
     }
-    let shown = loops.iter().find(|one| one.numbers.latency == Some(options.latency));
-    let curves = shown.map(|shown| &shown.curves);
+    let shown = loops.iter().find(|one| one.latency == Some(options.latency));
     let results = FollowResults {
         machine: options.robot.name.clone(),
         shown: options.latency,
-        loops: loops.iter().map(|one| one.numbers).collect(),
+        loops: loops.iter().map(run::Measured::numbers).collect(),
     };
     let text = table::render(&results);
-    if let (Some(inside), Some(outside)) = (loops.first(), curves) {
-        write(&options.report, &page::render(&results, &text, &inside.curves, outside))?;
+    if let (Some(inside), Some(outside)) = (loops.first(), shown) {
+        write(&options.report, &page::render(&results, &text, &bench.reference_mm(), [inside, outside]))?;
     }
     if let Some(path) = &options.json {
         let json = serde_json::to_string_pretty(&results).map_err(|error| FollowError::Machine(error.to_string()))?;

@@ -1,6 +1,6 @@
 //! `follow.html`.
 
-use super::run::Curves;
+use super::run::{Measured, Run};
 use super::{FORCE_STEP_N, FollowResults, SPEED_M_PER_S};
 use crate::plots::page::{self, escape};
 use crate::plots::{Corner, Curve, Plot};
@@ -8,21 +8,28 @@ use crate::plots::{Corner, Curve, Plot};
 /// Milliseconds of the force step that are drawn.
 const PUSH_MS: usize = 80;
 
-/// Returns the page as HTML.
-pub(super) fn render(results: &FollowResults, table: &str, inside: &Curves, outside: &Curves) -> String {
+/// Returns the page as HTML, of the loops in the drive and outside.
+pub(super) fn render(
+    results: &FollowResults,
+    table: &str,
+    reference_mm: &[f64],
+    [inside, outside]: [&Measured; 2],
+) -> String {
     let shown = results.shown;
+    let with_torque = outside.torque.as_ref().unwrap_or(&outside.velocity);
     let sections = [
         (
             "Reference",
             format!("Of one cart, from where it starts: up to {SPEED_M_PER_S} m/s, and back to rest."),
-            plot("way, mm", vec![line("reference", &outside.reference_mm)]),
+            plot("way, mm", Corner::UpperRight, vec![line("reference", reference_mm)]),
         ),
         (
             "Lag without feed-forward",
             "The velocity over the gain: the longer the latency, the smaller the gain.".to_owned(),
             plot(
                 "lag, µm",
-                vec![line("in the drive", &inside.plain_um), line(&format!("outside, {shown}"), &outside.plain_um)],
+                Corner::UpperRight,
+                vec![lag("in the drive", &inside.plain), lag(&format!("outside, {shown}"), &outside.plain)],
             ),
         ),
         (
@@ -31,10 +38,12 @@ pub(super) fn render(results: &FollowResults, table: &str, inside: &Curves, outs
                 .to_owned(),
             plot(
                 "lag, µm",
+                // The curves are high at both ends.
+                Corner::UpperMiddle,
                 vec![
-                    line("in the drive: velocity", &inside.velocity_um),
-                    line("outside: velocity", &outside.velocity_um),
-                    line("outside: velocity and torque", &outside.torque_um),
+                    lag("in the drive: velocity", &inside.velocity),
+                    lag("outside: velocity", &outside.velocity),
+                    lag("outside: velocity and torque", with_torque),
                 ],
             ),
         ),
@@ -43,7 +52,11 @@ pub(super) fn render(results: &FollowResults, table: &str, inside: &Curves, outs
             "Of one motor: acceleration, friction at full speed, deceleration.".to_owned(),
             plot(
                 "torque, ‰ of rated",
-                vec![line("in the drive", &inside.permille), line("outside, velocity and torque", &outside.permille)],
+                Corner::UpperRight,
+                vec![
+                    line("in the drive", &inside.velocity.permille),
+                    line("outside, velocity and torque", &with_torque.permille),
+                ],
             ),
         ),
         (
@@ -53,6 +66,7 @@ pub(super) fn render(results: &FollowResults, table: &str, inside: &Curves, outs
             ),
             plot(
                 "displacement of the cart, µm",
+                Corner::UpperRight,
                 vec![line("in the drive", first(&inside.pushed_um)), line("outside", first(&outside.pushed_um))],
             ),
         ),
@@ -73,7 +87,10 @@ fn line(name: &str, values: &[f64]) -> Curve {
     Curve::line(name, (1..).zip(values).map(|(ms, value)| (f64::from(ms), *value)).collect())
 }
 
-fn plot(y_axis: &'static str, curves: Vec<Curve>) -> Plot {
-    // The curves are high at both ends.
-    Plot { x_axis: "time, ms", y_axis, curves, bands: Vec::new(), y_names: Vec::new(), key: Corner::UpperMiddle }
+fn lag(name: &str, run: &Run) -> Curve {
+    line(name, &run.lag_um)
+}
+
+fn plot(y_axis: &'static str, key: Corner, curves: Vec<Curve>) -> Plot {
+    Plot { x_axis: "time, ms", y_axis, curves, bands: Vec::new(), y_names: Vec::new(), key }
 }

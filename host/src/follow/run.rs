@@ -30,38 +30,50 @@ const SETTLED: u32 = 300;
 const PUSHED: u32 = 200;
 /// Force that tells what loads the axes, N.
 const PROBE_N: f64 = 100.0;
-/// Displacement at which a cart counts as settled, m.
-const SETTLED_M: f64 = 1e-6;
+/// Displacement at which a cart counts as settled, µm.
+const SETTLED_UM: f64 = 1.0;
 /// Following error that trips nothing here, um.
 const WIDE_UM: f64 = 16_000.0;
 /// Encoder of drives without `[drives]`: as good as none.
 const FINE_COUNTS: u32 = 1 << 30;
 
-/// Curves of a loop over time. One sample per cycle, of the first cart.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Curves {
-    /// Reference, mm from the start.
-    pub(super) reference_mm: Vec<f64>,
-    /// Lags without feed-forward, with that of the velocity, and with that of the torque, µm.
-    pub(super) plain_um: Vec<f64>,
-    pub(super) velocity_um: Vec<f64>,
-    pub(super) torque_um: Vec<f64>,
-    /// Torque of the last of these runs, per mille.
-    pub(super) permille: Vec<f64>,
-    /// Displacement of the cart after the force step, µm.
+/// All runs of a loop. The fields of [`LoopNumbers`] have the same names.
+pub(super) struct Measured {
+    pub(super) latency: Option<Latency>,
+    gain_per_s: f64,
+    pub(super) plain: Run,
+    misaligned: Option<Run>,
+    pub(super) velocity: Run,
+    pub(super) torque: Option<Run>,
+    wrong_mass: Option<Run>,
+    /// Displacement of the cart after the force step, one sample per cycle, µm.
     pub(super) pushed_um: Vec<f64>,
 }
 
-/// Numbers and curves of a loop.
-pub(super) struct Measured {
-    pub(super) numbers: LoopNumbers,
-    pub(super) curves: Curves,
+impl Measured {
+    /// Returns the numbers of the table.
+    pub(super) fn numbers(&self) -> LoopNumbers {
+        let worst_um = |run: &Option<Run>| run.as_ref().map(|run| run.worst_um);
+        LoopNumbers {
+            latency: self.latency,
+            gain_per_s: self.gain_per_s,
+            plain_um: self.plain.worst_um,
+            misaligned_um: worst_um(&self.misaligned),
+            velocity_um: self.velocity.worst_um,
+            torque_um: worst_um(&self.torque),
+            wrong_mass_um: worst_um(&self.wrong_mass),
+            pushed_um: self.pushed_um.iter().fold(0.0, |most: f64, um| most.max(*um)),
+            settled_ms: (1..).zip(&self.pushed_um).filter(|(_, um)| **um >= SETTLED_UM).last().map_or(0, |(ms, _)| ms),
+        }
+    }
 }
 
-/// One run along the path.
-struct Run {
-    lag_um: Vec<f64>,
-    permille: Vec<f64>,
+/// One run along the path. Curves have one sample per cycle, of the first cart.
+pub(super) struct Run {
+    pub(super) lag_um: Vec<f64>,
+    /// Torque of a motor, per mille.
+    pub(super) permille: Vec<f64>,
+    /// Largest lag of all carts.
     worst_um: f64,
 }
 
@@ -82,7 +94,8 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> Bench<K, N, M> {
         robot.simulation.jump_gap_m = 0.0;
         let usual = Drives { encoder_counts_per_turn: FINE_COUNTS, ..Drives::default() };
         robot.drives = Some(Drives { following_error_um: WIDE_UM, ..robot.drives.unwrap_or(usual) });
-        let keys = robot.position_loop.clone().unwrap_or_default();
+        // The gain is by the latency, whichever a file asks for its own.
+        let keys = PositionLoopKeys { gain_per_s: None, ..robot.position_loop.clone().unwrap_or_default() };
         if keys.max_m_per_s < 1.1 * SPEED_M_PER_S {
             let reason = format!("the path moves at {SPEED_M_PER_S} m/s; position_loop.max_m_per_s must be larger");
             return Err(FollowError::Machine(format!("{}: {reason}", robot.name)));
@@ -110,28 +123,16 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> Bench<K, N, M> {
     /// Measures the loop in the drive, without latency.
     pub(super) fn inside(&self) -> Result<Measured, FollowError> {
         let of = |percent: f64| Loop::Inside { feed_forward_percent: percent };
-        let (plain, velocity) = (self.path(&of(0.0))?, self.path(&of(100.0))?);
-        let (pushed_um, settled_ms) = self.push(&of(100.0))?;
-        let numbers = LoopNumbers {
+        Ok(Measured {
             latency: None,
             gain_per_s: crate::sim::drive::profile::POSITION_GAIN,
-            plain_um: plain.worst_um,
-            misaligned_um: None,
-            velocity_um: velocity.worst_um,
-            torque_um: None,
-            wrong_mass_um: None,
-            pushed_um: largest(&pushed_um),
-            settled_ms,
-        };
-        let curves = Curves {
-            reference_mm: self.reference_mm(),
-            plain_um: plain.lag_um,
-            velocity_um: velocity.lag_um,
-            torque_um: Vec::new(),
-            permille: velocity.permille,
-            pushed_um,
-        };
-        Ok(Measured { numbers, curves })
+            plain: self.path(&of(0.0))?,
+            misaligned: None,
+            velocity: self.path(&of(100.0))?,
+            torque: None,
+            wrong_mass: None,
+            pushed_um: self.push(&of(100.0))?,
+        })
     }
 
     /// Measures the loop outside the drive.
@@ -140,43 +141,25 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> Bench<K, N, M> {
         let values = self.keys.values(&drives).map_err(|problem| {
             FollowError::Machine(format!("{}: {}: {}", self.robot.name, problem.key, problem.reason))
         })?;
-        let gain = gain_per_s(latency.command_cycles.saturating_add(latency.actual_cycles));
-        let values = LoopValues { gain: (gain * 65.536).round() as u16, ..values };
         let loops = |change: &dyn Fn(LoopValues) -> LoopValues| -> Result<Loop, FollowError> {
             let config = LoopConfig::new(change(values)).map_err(|error| FollowError::Machine(error.to_string()))?;
             Ok(Loop::Outside { config, latency })
         };
         let no_torque = |values: LoopValues| LoopValues { torque_feed_forward: 0, ..values };
         let heavier = |weight: u16| (f64::from(weight) * (1.0 + MASS_ERROR)).round() as u16;
-        let plain = self.path(&loops(&|values| LoopValues { velocity_feed_forward: 0, ..no_torque(values) })?)?;
-        let misaligned = self.path(&loops(&|values| LoopValues { lag: 0, ..no_torque(values) })?)?;
-        let velocity = self.path(&loops(&no_torque)?)?;
-        let torque = self.path(&loops(&|values| values)?)?;
-        let wrong_mass = self.path(&loops(&|values| LoopValues {
-            torque_feed_forward: heavier(values.torque_feed_forward),
-            ..values
-        })?)?;
-        let (pushed_um, settled_ms) = self.push(&loops(&|values| values)?)?;
-        let numbers = LoopNumbers {
+        let path = |change: &dyn Fn(LoopValues) -> LoopValues| self.path(&loops(change)?);
+        let heavy =
+            |values: LoopValues| LoopValues { torque_feed_forward: heavier(values.torque_feed_forward), ..values };
+        Ok(Measured {
             latency: Some(latency),
-            gain_per_s: gain,
-            plain_um: plain.worst_um,
-            misaligned_um: Some(misaligned.worst_um),
-            velocity_um: velocity.worst_um,
-            torque_um: Some(torque.worst_um),
-            wrong_mass_um: Some(wrong_mass.worst_um),
-            pushed_um: largest(&pushed_um),
-            settled_ms,
-        };
-        let curves = Curves {
-            reference_mm: self.reference_mm(),
-            plain_um: plain.lag_um,
-            velocity_um: velocity.lag_um,
-            torque_um: torque.lag_um,
-            permille: torque.permille,
-            pushed_um,
-        };
-        Ok(Measured { numbers, curves })
+            gain_per_s: gain_per_s(latency.command_cycles.saturating_add(latency.actual_cycles)),
+            plain: path(&|values| LoopValues { velocity_feed_forward: 0, ..no_torque(values) })?,
+            misaligned: Some(path(&|values| LoopValues { lag: 0, ..no_torque(values) })?),
+            velocity: path(&no_torque)?,
+            torque: Some(path(&|values| values)?),
+            wrong_mass: Some(path(&heavy)?),
+            pushed_um: self.push(&loops(&|values| values)?)?,
+        })
     }
 
     fn drives(&self, interface: Interface, latency: Latency, feed_forward_percent: f64) -> Drives {
@@ -189,7 +172,8 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> Bench<K, N, M> {
         }
     }
 
-    fn reference_mm(&self) -> Vec<f64> {
+    /// Returns the way of a cart, from where it starts, one sample per cycle.
+    pub(super) fn reference_mm(&self) -> Vec<f64> {
         (1..=cycles()).map(|cycle| self.direction as f64 * way_nm(cycle) as f64 * 1e-6).collect()
     }
 
@@ -222,8 +206,8 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> Bench<K, N, M> {
         Ok(run)
     }
 
-    /// Stands at home, and takes the force step. Returns the displacements of the cart that takes most, µm, and the milliseconds to rest.
-    fn push(&self, of: &Loop) -> Result<(Vec<f64>, u32), FollowError> {
+    /// Stands at home, and takes the force step. Returns the displacements of the cart that takes most, µm.
+    fn push(&self, of: &Loop) -> Result<Vec<f64>, FollowError> {
         let (mut hand, tool) = load_generator();
         let mut machine = of.machine(self, tool)?;
         let mut follower = Follower::new(self, of);
@@ -243,17 +227,14 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> Bench<K, N, M> {
         rest(&mut machine, &mut follower)?;
         let before_m = machine.positions_m();
         pull(PROBE_N * FORCE_STEP_N / most_n)?;
-        let (mut pushed_um, mut settled_ms) = (Vec::new(), 0);
-        for millisecond in 1..=PUSHED {
+        let mut pushed_um = Vec::new();
+        for _ in 0..PUSHED {
             follower.cycle(&mut machine, &self.home)?;
             let now_m = machine.positions_m();
-            let off_m = (now_m.get(cart).unwrap_or(&0.0) - before_m.get(cart).unwrap_or(&0.0)).abs();
-            pushed_um.push(off_m * 1e6);
-            if off_m >= SETTLED_M {
-                settled_ms = millisecond;
-            }
+            let off_m = now_m.get(cart).unwrap_or(&0.0) - before_m.get(cart).unwrap_or(&0.0);
+            pushed_um.push(off_m.abs() * 1e6);
         }
-        Ok((pushed_um, settled_ms))
+        Ok(pushed_um)
     }
 }
 
@@ -354,8 +335,4 @@ const fn way_nm(cycle: i64) -> i64 {
     } else {
         2 * ramp_nm + CRUISE * speed
     }
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most: f64, value| most.max(*value))
 }

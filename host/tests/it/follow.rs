@@ -4,6 +4,8 @@ use serde_json::Value;
 
 use crate::process::Folder;
 
+const PAGE: &str = include_str!("../../../docs/drives.md");
+
 /// Numbers of a row of the JSON.
 struct Row(Value);
 
@@ -59,6 +61,11 @@ fn the_table_is_that_of_the_model() {
     let softer = outside.get("pushed_um") / inside.get("pushed_um");
     assert!((1.3..1.6).contains(&softer), "{softer}");
     assert!(said.contains(&format!("moves a cart {softer:.2} times as far as")), "{said}");
+    let rows: Vec<&str> = said.lines().skip(2).take_while(|line| !line.is_empty()).collect();
+    assert_eq!(rows.len(), 7, "{said}");
+    for row in rows {
+        assert!(PAGE.contains(row.trim_end()), "docs/drives.md lacks {row}");
+    }
     let page = folder.read("follow.html");
     assert_eq!(page.matches("<svg").count(), 5);
     assert!(page.contains("The price: a force step") && !page.contains("could not be drawn"));
