@@ -6,6 +6,7 @@ use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
 
 use gantry_tau::black_box::swap_channel::{self, Receiver};
+use gantry_tau::plant::Plant;
 use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::server::tick_source::TickSource;
@@ -179,17 +180,7 @@ impl<const N: usize> ServerFixture<N> {
 
     /// Waits until `count` bytes of the owner lie unread at the server's end.
     pub fn await_bytes(&mut self, count: usize) {
-        let mut buffer = vec![0; count];
-        wait_for("the owner's bytes", || {
-            let stream = self.cycle.owner_stream().expect("the owner has no stream");
-            match stream.peek(&mut buffer) {
-                Ok(seen) => seen >= count,
-                Err(error) => {
-                    assert_eq!(error.kind(), ErrorKind::WouldBlock, "{error}");
-                    false
-                }
-            }
-        });
+        await_bytes(&mut self.cycle, count);
     }
 
     /// Returns the number of the owner's bytes unread at the server's end, up to `most`.
@@ -298,6 +289,21 @@ impl<const N: usize> ServerFixture<N> {
         assert!(rows.iter().all(|row| row.state.cause == cause && !row.welcomed));
         assert_eq!(self.step().state.phase, Phase::Listening);
     }
+}
+
+/// Waits until `count` bytes of the owner lie unread at the end of a server's cycle.
+pub fn await_bytes<const N: usize, const M: usize, P: Plant<N, M>>(cycle: &mut Cycle<N, M, P>, count: usize) {
+    let mut buffer = vec![0; count];
+    wait_for("the owner's bytes", || {
+        let stream = cycle.owner_stream().expect("the owner has no stream");
+        match stream.peek(&mut buffer) {
+            Ok(seen) => seen >= count,
+            Err(error) => {
+                assert_eq!(error.kind(), ErrorKind::WouldBlock, "{error}");
+                false
+            }
+        }
+    });
 }
 
 /// `offset` after `tick` steps of the ramp.

@@ -15,8 +15,7 @@ use gantry_tau_core::control::message::{Mode, Phase};
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_tests::client::{Client, Noise};
-use gantry_tau_tests::server_fixture::LOOPBACK;
-use gantry_tau_tests::wait_for;
+use gantry_tau_tests::server_fixture::{LOOPBACK, await_bytes};
 
 /// Largest offset that the client asks for, in steps of its axis, and nm.
 const STEPS: i32 = 8;
@@ -57,7 +56,7 @@ trait Bench<const N: usize> {
     }
 }
 
-/// What a run went through.
+/// Events of a run, counted.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     /// Cycles with trouble.
@@ -187,11 +186,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
         let mode = if self.cycle.phase() == Phase::Handshake { Mode::Submit } else { Mode::Obtain };
         let frame = owner.frame(mode, self.targets);
         owner.send_bytes(&frame);
-        let mut buffer = vec![0; frame.len()];
-        wait_for("the answer", || {
-            let stream = self.cycle.owner_stream().unwrap();
-            stream.peek(&mut buffer).is_ok_and(|length| length == buffer.len())
-        });
+        await_bytes(&mut self.cycle, frame.len());
         true
     }
 

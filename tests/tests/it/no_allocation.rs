@@ -22,7 +22,7 @@ use gantry_tau_core::control::message::{Capabilities, Cause, Mode, Phase, Refusa
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_labcomm::Version;
 use gantry_tau_tests::client::{Client, Noise};
-use gantry_tau_tests::server_fixture::LOOPBACK;
+use gantry_tau_tests::server_fixture::{LOOPBACK, await_bytes};
 use gantry_tau_tests::wait_for;
 
 /// The server of `gantry-tau serve`, without its clock.
@@ -73,11 +73,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
     fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
         let frame = client.frame(mode, [nm; N]);
         client.send_bytes(&frame);
-        let mut buffer = vec![0; frame.len()];
-        wait_for("the answer", || {
-            let stream = self.cycle.owner_stream().unwrap();
-            stream.peek(&mut buffer).is_ok_and(|n| n == buffer.len())
-        });
+        await_bytes(&mut self.cycle, frame.len());
         let row = self.tick(false);
         assert_eq!(client.state(), row.state);
         row

@@ -157,7 +157,7 @@ mod ethercat {
     struct OnTheBus<const N: usize, const M: usize> {
         bus: EmulatedBus<N, M>,
         motors: MotorMap<N, M>,
-        /// Where the drives of a standing path stood, counts, if they know but the sum of nominal reference and offset.
+        /// Positions of the drives on a standing path, counts, if they know but the sum of nominal reference and offset.
         start: Option<Vec<i64>>,
     }
 

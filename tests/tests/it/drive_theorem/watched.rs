@@ -10,13 +10,13 @@ use gantry_tau_core::units::PositionNm;
 
 use super::{AtDrive, Bench, Trouble};
 
-/// What the drives took, and what goes wrong.
+/// References that the drives took, and the faults to come.
 #[derive(Debug)]
 struct Record<const N: usize, const M: usize> {
     motors: MotorMap<N, M>,
     references: [Reference; M],
     parts: [InForce; N],
-    /// What the machine says is in force.
+    /// Parts in force by the machine's account.
     told: [InForce; N],
     trouble: Option<Trouble>,
 }

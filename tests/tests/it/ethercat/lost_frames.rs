@@ -11,7 +11,7 @@ use super::{Server, bus_of, section_of_whole_steps};
 /// One count, nm.
 const COUNT_NM: i64 = 10;
 
-/// What every drive has: its position offset, and the sum that it follows, counts.
+/// Position offset of every drive, and the sum that it follows, counts.
 fn at_the_drives<const N: usize, const M: usize>(server: &Server<N, M>) -> Vec<[i64; 2]> {
     let objects = |drive: &gantry_tau_ethercat::emulation::Drive| {
         let [target, offset] = [0x607A, 0x60B0].map(|object| i64::from(drive.object(object, 0)));

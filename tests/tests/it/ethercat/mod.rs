@@ -18,7 +18,7 @@ use gantry_tau::stop_latch::StopLatch;
 use gantry_tau_core::control::message::{Capabilities, Mode, Phase};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_tests::client::Client;
-use gantry_tau_tests::server_fixture::LOOPBACK;
+use gantry_tau_tests::server_fixture::{LOOPBACK, await_bytes};
 use gantry_tau_tests::wait_for;
 
 type Plant<const N: usize, const M: usize> = EthercatPlant<EmulatedBus<N, M>, N, M>;
@@ -140,11 +140,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
     fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
         let frame = client.frame(mode, [nm; N]);
         client.send_bytes(&frame);
-        let mut buffer = vec![0; frame.len()];
-        wait_for("the answer", || {
-            let stream = self.cycle.owner_stream().unwrap();
-            stream.peek(&mut buffer).is_ok_and(|n| n == buffer.len())
-        });
+        await_bytes(&mut self.cycle, frame.len());
         let row = self.tick();
         assert_eq!(client.state(), row.state);
         row

@@ -21,7 +21,7 @@ use gantry_tau_core::control::message::{Capabilities, Mode, Phase};
 use gantry_tau_core::control::position_loop::VelocityReference;
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_tests::client::Client;
-use gantry_tau_tests::server_fixture::LOOPBACK;
+use gantry_tau_tests::server_fixture::{LOOPBACK, await_bytes};
 use gantry_tau_tests::wait_for;
 
 const N: usize = 3;
@@ -52,7 +52,7 @@ struct Bus {
     /// Writes alone, or readings alone, do not get through.
     refuses: Arc<AtomicBool>,
     is_deaf: Arc<AtomicBool>,
-    /// What is read back is not where the axes are.
+    /// Positions are reported wrongly.
     is_misread: Arc<AtomicBool>,
     /// Velocities in force at the drives, µm/s.
     in_force: Arc<Mutex<[i32; N]>>,
@@ -202,11 +202,7 @@ impl Server {
     fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
         let frame = client.frame(mode, [nm; N]);
         client.send_bytes(&frame);
-        let mut buffer = vec![0; frame.len()];
-        wait_for("the answer", || {
-            let stream = self.cycle.owner_stream().unwrap();
-            stream.peek(&mut buffer).is_ok_and(|n| n == buffer.len())
-        });
+        await_bytes(&mut self.cycle, frame.len());
         let row = self.tick();
         assert_eq!(client.state(), row.state);
         row

@@ -1,4 +1,4 @@
-//! What stops a machine in motion, and how far it goes: `M x watchdog + M^2 / (2 quick stop)`, and a millimetre.
+//! Stops of a machine in motion, and the way that each takes: `M x watchdog + M^2 / (2 quick stop)`, and a millimetre.
 
 use gantry_tau::server::event_log::{EventKind, EventLog};
 use gantry_tau::sim::load_generator::Load;

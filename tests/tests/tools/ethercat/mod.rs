@@ -19,16 +19,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use gantry_tau::demo::{DemoOptions, PaceChoice, run_on};
 use gantry_tau::ethercat::{EmulatedBus, EthercatPlant, Machine, emulated_bus};
 use gantry_tau::plant::{PlantError, ToolReading};
 use gantry_tau::robot_file::{Ethercat, RobotFile};
-use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::axis::InForce;
 use gantry_tau_ethercat::emulation::{EmulatedWire, Process};
 use gantry_tau_ethercat::{RawSocket, Wire, WireError};
+use gantry_tau_tests::short_demo;
 use libtest_mimic::{Failed, Trial};
 use serde_json::{Value, json};
 
@@ -188,28 +187,14 @@ impl<const N: usize, const M: usize> Machine<N> for NearEnd<N, M> {
 
 fn demo_over_veth() {
     connect();
-    let report = std::env::temp_dir().join(format!("gantry-tau-veth-{}.html", std::process::id()));
-    let options = DemoOptions {
-        robot: RobotFile::builtin_l2().unwrap(),
-        client: None,
-        pace: PaceChoice::Only(TickSource::Lockstep),
-        force_max_n: 60.0,
-        force_step_n: 60.0,
-        step_seconds: 0.2,
-        report: report.clone(),
-        json: None,
-        record: None,
-        black_box: None,
-    };
-    let results = run_on(&options, |robot, tool| {
+    let complaints = short_demo::complaints(RobotFile::builtin_l2().unwrap(), |robot, tool| {
         let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
         let bus = emulated_bus::<_, 3, 3>(robot, &section, tool)?;
         let far = FarEnd::start(bus.clone(), None);
         let near = NearEnd { socket: RawSocket::open(ENDS[0]).unwrap(), bus, _far: far };
         EthercatPlant::<_, 3, 3>::open(robot, &section, near, |_| Motion::Hold)
     });
-    std::fs::remove_file(&report).unwrap();
-    assert_eq!(results.unwrap().complaints, Vec::<String>::new());
+    assert_eq!(complaints, Vec::<String>::new());
 }
 
 fn soem_agrees(python: &Path) {
