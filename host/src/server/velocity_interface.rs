@@ -173,10 +173,8 @@ pub(crate) fn travel_margin_m(limits: &AxisConfig) -> f64 {
 
 const fn reason(stop: LoopStop) -> &'static str {
     match stop {
-        LoopStop::NotPermitted => "its position loops were stopped",
         LoopStop::NoActual => "a position is unknown to its position loop",
         LoopStop::FollowingError => "the following error of a position loop was too large (drives.following_error_um)",
-        LoopStop::OtherAxis => "the position loop of another axis has stopped",
         LoopStop::Refused => "the drives did not take a velocity",
         _ => "a position loop has stopped",
     }
