@@ -2,7 +2,7 @@
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
-use gantry_tau_core::control::message::AxisLimits;
+use gantry_tau_core::control::message::{AxisLimits, AxisState};
 use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
 use gantry_tau_core::units::{ChannelUnit, PositionNm};
 use gantry_tau_core::verification::control::{Action, Axis, AxisChannels, AxisCommand, drive_reference};
@@ -90,7 +90,7 @@ impl ChannelProperty for Shadow {
 /// nominal reference.
 pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
-    let (reference, _) = after.act(command, config);
+    let reference = after.act(command, config, &mut AxisState::default());
     let channels = (&before.channels, &after.channels);
     kind.check(channels, &config.limits, &Bounded);
     if command.action == Action::Ramp {
@@ -116,7 +116,7 @@ pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfi
 /// The shadow stays within its limits, whatever the command, and rests at zero without one.
 pub fn shadow_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
-    let _ = after.act(command, config);
+    let _ = after.act(command, config, &mut AxisState::default());
     let shadow = Shadow { commanded: command.shadow.is_some() };
     kind.check((&before.shadow, &after.shadow), &config.limits, &shadow);
 }

@@ -137,7 +137,7 @@ pub fn accepted_references_are_bounded<const N: usize>(
 pub fn session_raises_no_alarm<const N: usize>(session: &Session<N>, tick: &TickInput<N>, accepted: Accepted<N>) {
     let mut monitor = watching(session);
     let mut after = *session;
-    let output = after.step(tick, accepted, Diagnostics::default());
+    let output = after.step(tick, &accepted, &Diagnostics::default());
     let result = if output.withheld {
         monitor.check_state(&output.state)
     } else {

@@ -54,7 +54,9 @@ fn runs(before: &PositionLoop, config: &LoopConfig, input: &LoopInput) -> bool {
     match (before.stop(), input.actual) {
         (Some(_), _) => is_released(before, config, input),
         (None, Some(actual)) => {
-            input.permit != Permit::Stop && count(before.parts(), config, input, actual) < config.values().window_ticks
+            let most = config.values().window_ticks;
+            let trips = count(before.parts(), config, input, actual) >= most || before.parts().limited >= most;
+            input.permit != Permit::Stop && !trips
         }
         (None, None) => false,
     }
@@ -119,7 +121,7 @@ pub fn stops_with_its_ramp(before: &PositionLoop, config: &LoopConfig, input: &L
 }
 
 /// T19: a loop that runs counts the ticks in a row outside the window, and stops in the tick in which these are `window_ticks`, not
-/// before. The error is that of the reference `lag` ticks old; `place` is any place in the history.
+/// before; or in the tick after the limits cut its velocity in so many. The error is that of the reference `lag` ticks old; `place` is any place in the history.
 pub fn trips_in_its_tick(before: &PositionLoop, config: &LoopConfig, input: &LoopInput, place: usize) {
     let (after, _) = tick(before, config, input);
     let (from, to) = (before.parts(), after.parts());
@@ -134,7 +136,8 @@ pub fn trips_in_its_tick(before: &PositionLoop, config: &LoopConfig, input: &Loo
     assert!(to.outside == count, "T19: ticks in a row outside the window are counted");
     let expected = match input.permit {
         Permit::Stop => Some(LoopStop::NotPermitted),
-        _ => (count >= config.values().window_ticks).then_some(LoopStop::FollowingError),
+        _ if count >= config.values().window_ticks => Some(LoopStop::FollowingError),
+        _ => (from.limited >= config.values().window_ticks).then_some(LoopStop::Limited),
     };
     assert!(after.stop() == expected, "T19: it trips in the last tick of the window, and not before");
 }
@@ -149,7 +152,8 @@ pub fn is_released_by_a_rearm(before: &PositionLoop, config: &LoopConfig, input:
     let is_released = is_released(before, config, input);
     let expected = if is_released { None } else { before.stop() };
     assert!(after.stop() == expected, "T19: only a re-arm at rest with the reference inside the window releases it");
-    assert!(!is_released || after.parts().outside == 0, "T19: it counts from zero again");
+    let begins = after.parts().outside == 0 && after.parts().limited <= 1;
+    assert!(!is_released || begins, "T19: it counts from zero again");
 }
 
 /// T20: the error is the difference of any two positions, cut to 2^24 nm.
@@ -214,6 +218,7 @@ pub fn follows_its_terms(before: &PositionLoop, config: &LoopConfig, input: &Loo
     if before.stop().is_some() {
         from.history = [now; 11];
         from.integral = 0;
+        from.limited = 0;
     }
     let [last, earlier, ..] = from.history;
     let change = difference(now.0, last.0);
@@ -232,6 +237,8 @@ pub fn follows_its_terms(before: &PositionLoop, config: &LoopConfig, input: &Loo
     let target = VelocityUmS(cut(wanted, i32::MIN, i32::MAX));
     assert!(to.velocity == from.velocity.follow(target, &values.velocity), "T20: the velocity follows its terms");
     let short = wanted - i64::from(to.velocity.count());
+    let limited = if short == 0 { 0 } else { from.limited + 1 };
+    assert!(to.limited == limited, "T19: ticks in a row in which the limits cut are counted");
     does_not_wind_up(from.integral, to.integral, short);
     let grown = integrate(from.integral, growth, short, values.integral_max);
     assert!(to.integral == grown, "T20: the integral grows by the weighted proportional term");

@@ -3,7 +3,7 @@
 use core::array;
 
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::message::{ClientMessage, Phase};
+use gantry_tau_core::control::message::{AxisState, ClientMessage, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{Event, Input, LastWrite, Output, Session, Start, TickInput};
 use gantry_tau_core::verification::control::{
@@ -41,7 +41,7 @@ impl<const N: usize> StepInput<N> {
     #[must_use]
     pub fn step(&self) -> (Session<N>, Output<N>) {
         let mut after = self.session;
-        let output = after.step(&self.tick, self.accepted, self.diagnostics.clone());
+        let output = after.step(&self.tick, &self.accepted, &self.diagnostics);
         (after, output)
     }
 }
@@ -107,13 +107,16 @@ pub fn axes_act_by_themselves<const N: usize>(input: &StepInput<N>, order: &Orde
     let parameters = session.config().parameters();
     let before = session.parts().axes;
     let mut after = before;
-    let reached = carry_out(parameters, &mut after, order, tick, accepted, |axis, command| -> Reached {
+    let mut reached: [Option<Reached>; N] = [const { None }; N];
+    carry_out(parameters, &mut after, order, tick, accepted, |index, axis, command| {
         let before = *axis;
         *axis = Axis { nominal: before.nominal, ..*acted };
-        (before, command.map(|(command, config)| (command, *config)))
+        assert!(reached[index].is_none(), "T1: an axis acts once");
+        reached[index] = Some((before, command.map(|(command, config)| (command, *config))));
     });
     for axis in 0..N {
         let own = before[axis];
+        let Some(reached) = &reached[axis] else { panic!("T1: every axis acts") };
         let held = (own.nominal, own.actual);
         let (nominal, actual) = tick.reading.map_or(held, |reading| (reading.nominal[axis], reading.actual[axis]));
         let command = AxisCommand {
@@ -124,8 +127,8 @@ pub fn axes_act_by_themselves<const N: usize>(input: &StepInput<N>, order: &Orde
             nominal_stepped: order.stepped[axis],
             actual,
         };
-        assert!(reached[axis].0 == own, "T1: an axis acts from its own state");
-        assert!(reached[axis].1 == Some((command, parameters.axes[axis])), "T1: an axis acts on its own command");
+        assert!(reached.0 == own, "T1: an axis acts from its own state");
+        assert!(reached.1 == Some((command, parameters.axes[axis])), "T1: an axis acts on its own command");
         assert!(after[axis] == Axis { nominal: own.nominal, ..*acted }, "T1: an axis goes on as it acted");
     }
 }
@@ -143,7 +146,8 @@ pub fn axis_of_many_stays_valid(
         return;
     }
     let Decision { next, action, .. } = decide(discrete, fsm, rules);
-    let _ = after.act(&AxisCommand { action, shadow: shadow_of(next.phase, fsm), ..*command }, config);
+    let command = AxisCommand { action, shadow: shadow_of(next.phase, fsm), ..*command };
+    let _ = after.act(&command, config, &mut AxisState::default());
     assert!(after.is_valid(next.phase, &config.limits), "T6: an axis stays valid, whatever the others do");
     if next.is_live() && !discrete.is_live() {
         assert!(after.channels.is_zero() && axis.channels.is_zero(), "T6: authority only at zero, on every axis");
@@ -244,8 +248,8 @@ pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
     assert!(after.phase() == Phase::Fault, "T9: a stop ends in Fault");
     for index in 0..N {
         let limits = &before.config().parameters().axes[index].limits;
-        let old = &before.parts().axes[index].channels;
-        let ramped = old.act(Action::Ramp, &Offsets::ZERO, limits);
+        let mut ramped = before.parts().axes[index].channels;
+        ramped.act(Action::Ramp, &Offsets::ZERO, limits);
         let new = after.parts().axes[index].channels;
         assert!(new == ramped, "T9: every channel ramps");
     }

@@ -60,6 +60,12 @@ pub struct Reference {
     pub torque_offset: TorquePermille,
 }
 
+impl Reference {
+    /// Position zero, without velocity and torque.
+    pub(crate) const ZERO: Self =
+        Self { position: PositionNm(0), velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) };
+}
+
 /// Values in force at the drive of one axis: those of the last references it took.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

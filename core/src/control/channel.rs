@@ -46,9 +46,9 @@ pub struct LimitValues {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "LimitValues", into = "LimitValues", bound = "U: Copy"))]
 pub struct Limits<U> {
-    max: i32,
-    step: i32,
-    accel: i32,
+    max: u32,
+    step: u32,
+    accel: u32,
     ramp: NonZeroU32,
     unit: PhantomData<U>,
 }
@@ -146,7 +146,13 @@ impl<U> Limits<U> {
     /// Unless `0 <= M`, `0 < rho <= S` and `S + rho <= A`.
     pub const fn new(values: LimitValues) -> Result<Self, LimitsError> {
         match values.check() {
-            Ok(ramp) => Ok(Self { max: values.max, step: values.step, accel: values.accel, ramp, unit: PhantomData }),
+            Ok(ramp) => Ok(Self {
+                max: values.max.unsigned_abs(),
+                step: values.step.unsigned_abs(),
+                accel: values.accel.unsigned_abs(),
+                ramp,
+                unit: PhantomData,
+            }),
             Err(error) => Err(error),
         }
     }
@@ -154,31 +160,25 @@ impl<U> Limits<U> {
     /// Returns the four values.
     #[must_use]
     pub fn values(&self) -> LimitValues {
-        LimitValues {
-            max: self.max,
-            step: self.step,
-            accel: self.accel,
-            // Below the step, which is an `i32`.
-            ramp: i32::try_from(self.ramp.get()).unwrap_or(self.step),
-        }
+        LimitValues { max: self.max(), step: self.step(), accel: self.accel(), ramp: signed(self.ramp.get()) }
     }
 
     /// M: largest magnitude; 0 disables the channel.
     #[must_use]
     pub const fn max(&self) -> i32 {
-        self.max
+        signed(self.max)
     }
 
     /// S: largest change per tick.
     #[must_use]
     pub const fn step(&self) -> i32 {
-        self.step
+        signed(self.step)
     }
 
     /// A: largest change of the change, per tick.
     #[must_use]
     pub const fn accel(&self) -> i32 {
-        self.accel
+        signed(self.accel)
     }
 
     /// rho: change per tick of the ramp to zero.
@@ -194,8 +194,13 @@ impl<U> Limits<U> {
     where
         U: ChannelUnit,
     {
-        value.count().unsigned_abs() <= self.max.unsigned_abs()
+        value.count().unsigned_abs() <= self.max
     }
+}
+
+/// Converts a limit back: it was an `i32`, so nothing wraps.
+const fn signed(limit: u32) -> i32 {
+    0_i32.wrapping_add_unsigned(limit)
 }
 
 #[cfg(kani)]
@@ -269,15 +274,24 @@ impl<U> Channel<U> {
     #[must_use]
     pub fn ramp(self, limits: &Limits<U>) -> Self {
         let rest = self.value.unsigned_abs();
-        let step = narrow(i64::from(limits.ramp().min(rest)));
-        let change = if self.value > 0 { step.saturating_neg() } else { step };
-        Self::moved(self.value.saturating_add(change), change)
+        self.step(limits.ramp().min(rest), self.value < 0)
+    }
+
+    /// Changes the value by at most the way to another one within `M`: nothing wraps.
+    #[inline]
+    const fn step(&self, step: u32, upwards: bool) -> Self {
+        let change = if upwards { 0_i32.wrapping_add_unsigned(step) } else { 0_i32.wrapping_sub_unsigned(step) };
+        Self::moved(self.value.wrapping_add(change), change)
     }
 
     /// Returns the number of ticks that [`Self::ramp`] needs to reach zero: `ceil(|value| / rho)`.
     #[must_use]
     pub fn ramp_ticks_left(&self, limits: &Limits<U>) -> u32 {
         let magnitude = self.value.unsigned_abs();
+        if magnitude == 0 {
+            // Most channels, most of the time: without a division.
+            return 0;
+        }
         // A quotient by a nonzero divisor cannot panic; rounding up adds one where a rest remains.
         let whole = magnitude / limits.ramp;
         let rest = magnitude % limits.ramp;
@@ -298,8 +312,7 @@ impl<U: ChannelUnit> Channel<U> {
     #[inline]
     #[must_use]
     pub const fn is_valid(&self, limits: &Limits<U>) -> bool {
-        self.value.unsigned_abs() <= limits.max.unsigned_abs()
-            && self.change.unsigned_abs() <= limits.step.unsigned_abs()
+        self.value.unsigned_abs() <= limits.max && self.change.unsigned_abs() <= limits.step
     }
 
     /// Returns the value in force.
@@ -311,36 +324,25 @@ impl<U: ChannelUnit> Channel<U> {
     }
 
     /// Approaches `target` (clamped to `M`) as fast as `S` and `A` allow, and never past it.
-    ///
-    /// Differences are taken in `i64`: the distance between two `i32` does not fit an `i32`.
     #[inline]
     #[must_use]
     pub fn follow(self, target: U, limits: &Limits<U>) -> Self {
-        let Limits { max, step, accel, .. } = *limits;
-        let change = follow(self.value, self.change, target.count(), max, step, accel);
-        Self::moved(self.value.saturating_add(change), change)
+        let target = target.count();
+        if target == self.value {
+            // A valid value is within `M`.
+            return self.hold();
+        }
+        // Not `clamp`, which panics on reversed ends: `M >= 0` holds, but the compiler cannot see it.
+        let max = limits.max();
+        let target = target.max(max.wrapping_neg()).min(max);
+        let within_step = target.abs_diff(self.value).min(limits.step);
+        // |change| <= S < A, so the change that `A` allows towards the target is positive, and below 2^32.
+        if target > self.value {
+            self.step(within_step.min(limits.accel.wrapping_add_signed(self.change)), true)
+        } else {
+            self.step(within_step.min(limits.accel.wrapping_add_signed(self.change.wrapping_neg())), false)
+        }
     }
-}
-
-/// Returns the change of [`Channel::follow`]. Not generic, so that the three units share one copy of the code.
-#[inline]
-fn follow(value: i32, change: i32, target: i32, max: i32, step: i32, accel: i32) -> i32 {
-    let change = i64::from(change);
-    let accel = i64::from(accel);
-    let step = i64::from(step);
-    // |change| <= S < A, so zero lies between the two ends and the value never overshoots its target.
-    let lowest = change.saturating_sub(accel).max(step.saturating_neg());
-    let highest = change.saturating_add(accel).min(step);
-    // Not `clamp`, which panics on reversed ends: `M >= 0` holds, but the compiler cannot see it.
-    let target = target.max(max.saturating_neg()).min(max);
-    let wanted = i64::from(target).saturating_sub(i64::from(value));
-    narrow(wanted.max(lowest).min(highest))
-}
-
-/// Converts to `i32`. The callers' values lie within ± S, so the fallback, which keeps the value, is never taken.
-#[inline]
-fn narrow(value: i64) -> i32 {
-    i32::try_from(value).unwrap_or(0)
 }
 
 #[cfg(test)]

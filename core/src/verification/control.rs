@@ -30,7 +30,7 @@ pub trait Internals<const N: usize>: Sized {
     /// Second part of a tick: classifies the events.
     fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics);
     /// Third part of a tick: decides and acts.
-    fn step(&mut self, tick: &TickInput<N>, events: Accepted<N>, counts: Diagnostics) -> Output<N>;
+    fn step(&mut self, tick: &TickInput<N>, events: &Accepted<N>, counts: &Diagnostics) -> Output<N>;
 }
 
 impl<const N: usize> Internals<N> for Session<N> {
@@ -47,10 +47,12 @@ impl<const N: usize> Internals<N> for Session<N> {
     }
 
     fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics) {
-        self.classify(events, epochs)
+        let (mut accepted, mut diagnostics) = (Accepted::nothing(), Diagnostics::after(&self.parts().counters));
+        self.classify(events, epochs, &mut accepted, &mut diagnostics);
+        (accepted, diagnostics)
     }
 
-    fn step(&mut self, tick: &TickInput<N>, events: Accepted<N>, counts: Diagnostics) -> Output<N> {
+    fn step(&mut self, tick: &TickInput<N>, events: &Accepted<N>, counts: &Diagnostics) -> Output<N> {
         self.step(tick, events, counts)
     }
 }

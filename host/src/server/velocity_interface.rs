@@ -175,6 +175,9 @@ const fn reason(stop: LoopStop) -> &'static str {
     match stop {
         LoopStop::NoActual => "a position is unknown to its position loop",
         LoopStop::FollowingError => "the following error of a position loop was too large (drives.following_error_um)",
+        LoopStop::Limited => {
+            "the limits of a position loop cut its velocity for too long: an overload, or position_loop.max_m_per_s2 is too small"
+        }
         LoopStop::Refused => "the drives did not take a velocity",
         _ => "a position loop has stopped",
     }

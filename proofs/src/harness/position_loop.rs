@@ -17,6 +17,7 @@ fn any_unchecked() -> LoopParts {
         velocity: kani::any(),
         torque: kani::any(),
         outside: kani::any(),
+        limited: kani::any(),
         stop: kani::any(),
     }
 }

@@ -302,7 +302,7 @@ proptest! {
                 *epoch = Epoch(discrete.epoch.0 + 1);
             }
             monitor::session_raises_no_alarm(&session, &tick, accepted);
-            let _ = session.step(&tick, accepted, Diagnostics::default());
+            let _ = session.step(&tick, &accepted, &Diagnostics::default());
         }
     }
 

@@ -74,9 +74,15 @@ prop_compose! {
 }
 
 fn stop() -> impl Strategy<Value = Option<LoopStop>> {
-    let stops =
-        [LoopStop::NotPermitted, LoopStop::NoActual, LoopStop::FollowingError, LoopStop::OtherAxis, LoopStop::Refused];
-    prop_oneof![2 => Just(None), 1 => select(stops.to_vec()).prop_map(Some)]
+    let stops = vec![
+        LoopStop::NotPermitted,
+        LoopStop::NoActual,
+        LoopStop::FollowingError,
+        LoopStop::Limited,
+        LoopStop::OtherAxis,
+        LoopStop::Refused,
+    ];
+    prop_oneof![2 => Just(None), 1 => select(stops).prop_map(Some)]
 }
 
 /// Any loop that is valid under a configuration; at rest often enough that it can be released.
@@ -85,10 +91,13 @@ fn loop_of(config: LoopConfig) -> BoxedStrategy<PositionLoop> {
     let most = i64::from(values.integral_max) << 10;
     let velocity = prop_oneof![1 => Just(Channel::ZERO), 3 => any::channel(values.velocity)];
     let outside = prop_oneof![0..values.window_ticks, Just(values.window_ticks - 1)];
-    let parts = (uniform11(position()), -most..=most, velocity, any::channel(values.torque), outside, stop());
+    let limited = prop_oneof![3 => 0..values.window_ticks, 1 => Just(values.window_ticks)];
+    let counts = (outside, limited);
+    let parts = (uniform11(position()), -most..=most, velocity, any::channel(values.torque), counts, stop());
     parts
-        .prop_map(move |(history, integral, velocity, torque, outside, stop)| {
-            PositionLoop::from_parts(LoopParts { history, integral, velocity, torque, outside, stop }, &config).unwrap()
+        .prop_map(move |(history, integral, velocity, torque, (outside, limited), stop)| {
+            let parts = LoopParts { history, integral, velocity, torque, outside, limited, stop };
+            PositionLoop::from_parts(parts, &config).unwrap()
         })
         .boxed()
 }

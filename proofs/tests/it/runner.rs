@@ -348,7 +348,7 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ current
 proofs/src/session.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
 proofs/src/harness/wire.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T10", "T9"] ~ current
-proofs/mutants.toml ~ new = "let accel = i64::MAX;" ~ new = "let accel = i64::MIN;" ~ current
+proofs/mutants.toml ~ new = "within_step, true)" ~ new = "within_step, false)" ~ current
 Cargo.lock ~ name = "clap" ~ name = "clasp" ~ current
 core/src/control/channel.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ stale
 core/src/units.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ stale

@@ -22,7 +22,7 @@ use crate::control::message::{ClientMessage, PROTOCOL_VERSION, Refusal, ServerMe
 use crate::control::session::{
     Connection, EVENTS, Event, Input, LastWrite, NoRecorder, Output, Record, Session, TickInput,
 };
-use crate::control::wire::{FrameBytes, encode_server, encode_state};
+use crate::control::wire::{FrameBytes, Kind, encode_server};
 use crate::units::EpochRange;
 use crate::zip::each;
 
@@ -316,7 +316,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
     pub fn poll_transmit(&mut self) -> Option<(Connection, &[u8])> {
         let output = self.output.as_ref()?;
         loop {
-            let (to, frame) = match self.transmit {
+            let to = match self.transmit {
                 Transmit::Versions => {
                     let Some(slot) = self.slots.iter_mut().find(|slot| slot.version_mismatch) else {
                         self.transmit = Transmit::Refusal(0);
@@ -324,7 +324,8 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
                     };
                     slot.version_mismatch = false;
                     let supported = PROTOCOL_VERSION;
-                    (slot.connection, refusal::<N>(Refusal::Version { supported }))
+                    self.frame.enclose(Kind::Refusal, &Refusal::Version { supported });
+                    slot.connection
                 }
                 Transmit::Refusal(index) => {
                     let Some((connection, reason)) = output.refusals.get(index) else {
@@ -332,22 +333,23 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
                         continue;
                     };
                     self.transmit = Transmit::Refusal(index.saturating_add(1));
-                    (*connection, refusal::<N>(*reason))
+                    self.frame.enclose(Kind::Refusal, reason);
+                    *connection
                 }
                 Transmit::Welcome => {
                     self.transmit = Transmit::State;
                     let Some(connection) = output.welcome else { continue };
-                    let welcome = ServerMessage::Welcome(self.session.welcome());
-                    (connection, encode_server(&welcome))
+                    self.frame.enclose(Kind::Welcome, &self.session.welcome());
+                    connection
                 }
                 Transmit::State => {
                     self.transmit = Transmit::Done;
                     let Some(owner) = output.owner else { continue };
-                    (owner, encode_state(&output.state))
+                    self.frame.enclose(Kind::State, &output.state);
+                    owner
                 }
                 Transmit::Done => return None,
             };
-            self.frame = frame;
             return Some((to, &self.frame));
         }
     }
@@ -429,11 +431,6 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
 /// Returns the slot of a connection.
 fn find(slots: &mut [Slot], connection: Connection) -> Option<&mut Slot> {
     slots.iter_mut().find(|slot| slot.connection == connection)
-}
-
-/// Encodes a Refusal.
-fn refusal<const N: usize>(reason: Refusal) -> FrameBytes {
-    encode_server(&ServerMessage::<N>::Refusal(reason))
 }
 
 #[cfg(test)]

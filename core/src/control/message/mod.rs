@@ -290,7 +290,7 @@ impl AxisFlags {
     #[inline]
     #[must_use]
     pub const fn with(self, other: Self, condition: bool) -> Self {
-        if condition { Self(self.0 | other.0) } else { self }
+        Self(self.0 | if condition { other.0 } else { 0 })
     }
 
     /// True if every bit of `other` is set.

@@ -43,7 +43,7 @@ pub struct LoopValues {
     pub lag: u8,
     /// Window of the following error, nm; 1 to [`MAX_WINDOW_NM`].
     pub window_nm: i32,
-    /// Ticks in a row outside the window until the trip; at least 1.
+    /// Ticks in a row outside the window, or with the velocity cut by its limits, until the trip; at least 1.
     pub window_ticks: u16,
     /// Limits of the velocity reference, µm/s per tick.
     pub velocity: Limits<VelocityUmS>,

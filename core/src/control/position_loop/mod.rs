@@ -12,14 +12,16 @@
 //! the velocity times the misalignment.
 //!
 //! With velocities a drive that gets no more references goes on moving. So the loop stops by itself, with the ramp of its channel, when
-//! it is not allowed to run, does not know the position, or the following error was outside its window for too long. Once stopped it
-//! runs again only after [`Permit::Rearm`], from rest, with a reference inside the window.
+//! it is not allowed to run, does not know the position, or for too long the following error was outside its window or its limits cut
+//! the velocity (a limiter that acts in normal motion destabilises a loop). Once stopped it runs again only after [`Permit::Rearm`],
+//! from rest, with a reference inside the window.
 //!
 //! Integers only, no division. For every input (T17 to T20):
 //!
 //! - the velocity reference stays within `M` of its limits, changes by at most `S`, and its change by at most `A`;
 //! - stopped, it moves by exactly `min(rho, |velocity|)` towards zero;
-//! - the trip latches in the tick in which the error was outside for the last `window_ticks` ticks;
+//! - the trip latches in the tick in which the error was outside for the last `window_ticks` ticks, or after as many in which the
+//!   limits cut the velocity;
 //! - the proportional term is odd, monotone, and at most gain times error; the integral keeps its limit and does not wind up.
 
 mod axes;
@@ -67,6 +69,8 @@ pub enum LoopStop {
     NoActual,
     /// The following error was outside its window for too long.
     FollowingError,
+    /// The limits cut the velocity for too long.
+    Limited,
     /// Another axis has stopped.
     OtherAxis,
     /// The drives did not take the last references.
@@ -116,6 +120,8 @@ pub struct LoopParts {
     pub torque: Channel<TorquePermille>,
     /// Ticks in a row outside the window, up to the trip.
     pub outside: u16,
+    /// Ticks in a row in which the limits cut the velocity, up to the trip.
+    pub limited: u16,
     /// Reason for which it has stopped; `None` while it runs.
     pub stop: Option<LoopStop>,
 }
@@ -164,6 +170,7 @@ impl PositionLoop {
                 velocity: Channel::ZERO,
                 torque: Channel::ZERO,
                 outside: 0,
+                limited: 0,
                 stop: Some(LoopStop::NotPermitted),
             },
         }
@@ -231,6 +238,7 @@ impl PositionLoop {
         self.parts.history = [reference; HISTORY];
         self.parts.integral = 0;
         self.parts.outside = 0;
+        self.parts.limited = 0;
         self.parts.stop = None;
     }
 
@@ -250,11 +258,13 @@ impl PositionLoop {
         let aligned = parts.history.get(usize::from(values.lag)).copied().unwrap_or(j);
         let error = difference(aligned.0, actual.0);
         let is_outside = error.saturating_abs() > values.window_nm.into();
-        parts.outside = if is_outside { parts.outside.saturating_add(1).min(values.window_ticks) } else { 0 };
+        parts.outside = counted(parts.outside, is_outside, values.window_ticks);
         if input.permit == Permit::Stop {
             self.stop_with(LoopStop::NotPermitted);
         } else if is_outside && self.parts.outside >= values.window_ticks {
             self.stop_with(LoopStop::FollowingError);
+        } else if self.parts.limited >= values.window_ticks {
+            self.stop_with(LoopStop::Limited);
         }
         error
     }
@@ -273,7 +283,7 @@ impl PositionLoop {
             parts.torque = parts.torque.ramp(&values.torque);
         } else {
             let [now, last, before, ..] = parts.history;
-            let (change, change_before) = (difference(now.0, last.0), difference(last.0, before.0));
+            let change = difference(now.0, last.0);
             let proportional = weighted::<16>(error, values.gain);
             // Four terms of less than 2^32: nothing wraps.
             let wanted = proportional
@@ -281,20 +291,30 @@ impl PositionLoop {
                 .wrapping_add(weighted::<10>(change, values.velocity_feed_forward))
                 .wrapping_add(input.reference.velocity_offset.0.into());
             parts.velocity = parts.velocity.follow(VelocityUmS(saturated(wanted)), &values.velocity);
+            let short = wanted.wrapping_sub(parts.velocity.count().into());
+            parts.limited = counted(parts.limited, short != 0, values.window_ticks);
             if values.integral != 0 {
                 let growth = product(proportional, values.integral);
-                let short = wanted.wrapping_sub(parts.velocity.count().into());
                 parts.integral = integrate(parts.integral, growth, short, values.integral_max);
             }
-            let bend = change.wrapping_sub(change_before);
-            let torque =
-                weighted::<16>(bend, values.torque_feed_forward).wrapping_add(input.reference.torque_offset.0.into());
-            let end = if torque < 0 { i16::MIN } else { i16::MAX };
-            let torque = TorquePermille(i16::try_from(torque).unwrap_or(end));
-            parts.torque = parts.torque.follow(torque, &values.torque);
+            parts.torque = if values.torque.max() == 0 {
+                Channel::ZERO
+            } else {
+                let bend = change.wrapping_sub(difference(last.0, before.0));
+                let torque = weighted::<16>(bend, values.torque_feed_forward)
+                    .wrapping_add(input.reference.torque_offset.0.into());
+                let end = if torque < 0 { i16::MIN } else { i16::MAX };
+                parts.torque.follow(TorquePermille(i16::try_from(torque).unwrap_or(end)), &values.torque)
+            };
         }
         VelocityReference { velocity: parts.velocity.value(), torque: parts.torque.value() }
     }
+}
+
+/// Returns the ticks in a row after one more that counts, or does not; at most `most`.
+#[inline]
+fn counted(ticks: u16, counts: bool, most: u16) -> u16 {
+    if counts { ticks.saturating_add(1).min(most) } else { 0 }
 }
 
 /// Cuts to the range of `i32`.

@@ -176,7 +176,8 @@ fn stopped_it_ramps_by_rho_and_waits_for_a_rearm_at_rest() {
 
 #[test]
 fn it_trips_in_the_last_tick_of_the_window_and_not_before() {
-    let config = config(values());
+    // From rest to the velocity of the window's edge within the window's ticks.
+    let config = config(LoopValues { velocity: limits(600_000, 20_000, 40_000, 10_000), ..values() });
     let far = i64::from(WINDOW_NM) + 1;
     for sign in [1, -1] {
         let mut axis = running(&config);
@@ -196,6 +197,29 @@ fn it_trips_in_the_last_tick_of_the_window_and_not_before() {
             other.tick(&config, &input(0, if tick % 10 == 9 { 0 } else { sign * far }));
         }
         assert_eq!(other.stop(), None, "nine of ten are not in a row");
+    }
+}
+
+#[test]
+fn limits_that_cut_the_velocity_for_longer_than_the_window_trip() {
+    let config = config(values());
+    for sign in [1, -1] {
+        let mut axis = running(&config);
+        // 160 mm/s are wanted, and 10 mm/s more per tick allowed.
+        let edge = input(0, sign * i64::from(WINDOW_NM));
+        for _ in 0..WINDOW_TICKS {
+            axis.tick(&config, &edge);
+            assert_eq!(axis.stop(), None);
+        }
+        let reached = axis.parts().velocity.count().abs();
+        axis.tick(&config, &edge);
+        assert_eq!(axis.stop(), Some(LoopStop::Limited));
+        assert_eq!(axis.parts().velocity.count().abs(), reached - 10_000, "the first ramp step in that tick");
+        let mut other = running(&config);
+        for tick in 0..200 {
+            other.tick(&config, &input(0, if tick / 5 % 2 == 0 { 0 } else { sign * i64::from(WINDOW_NM) / 4 }));
+        }
+        assert_eq!(other.stop(), None, "five ticks at a time");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Second half of a tick: each axis carries out the decision with its own channels, limits and travel.
 
-use super::channels::AxisChannels;
+use super::channels::{AxisChannels, limited};
 use super::config::{AxisConfig, Travel};
 use super::fsm::Action;
 use crate::control::axis::{Actual, InForce, Offsets, Reference};
@@ -54,16 +54,16 @@ impl Axis {
             && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
     }
 
-    /// Returns the reference of the last tick, before the clamp to the travel.
+    /// Returns the reference of the last tick, before the clamp to the travel. `state` becomes the axis' part of the State.
     #[inline]
     #[must_use]
-    pub fn held(&self) -> (Reference, AxisState) {
+    pub fn held(&self, state: &mut AxisState) -> Reference {
         let offsets = self.channels.offsets();
         let everywhere = Travel { lower: PositionNm(i64::MIN), upper: PositionNm(i64::MAX) };
         let (reference, _) = drive_reference(self.nominal, &offsets, &everywhere);
         let (shadow, flags) = (self.shadow.offsets(), AxisFlags::default());
-        let state = AxisState { nominal: self.nominal, offsets, shadow, actual: self.actual, flags };
-        (reference, state)
+        *state = AxisState { nominal: self.nominal, offsets, shadow, actual: self.actual, flags };
+        reference
     }
 
     /// Returns the values in force after references that the drive took.
@@ -73,33 +73,37 @@ impl Axis {
         InForce { nominal: self.nominal, offsets: self.channels.offsets() }
     }
 
-    /// Carries out a command. Returns the drive's reference and the axis' part of the State.
-    #[inline]
-    pub fn act(&mut self, command: &AxisCommand, config: &AxisConfig) -> (Reference, AxisState) {
+    /// Carries out a command. Returns the drive's reference; `state` becomes the axis' part of the State.
+    // Not inlined: a copy per axis would leave the tick no registers.
+    #[inline(never)]
+    pub fn act(&mut self, command: &AxisCommand, config: &AxisConfig, state: &mut AxisState) -> Reference {
         let limits = &config.limits;
         let target = &command.target;
-        self.channels = self.channels.act(command.action, target, limits);
+        self.channels.act(command.action, target, limits);
         self.nominal = command.nominal;
         self.actual = command.actual;
         // In Submit it is the shadow that approaches its target.
-        let limited;
-        (self.shadow, limited) = match command.shadow {
-            Some(action) => {
-                let shadow = self.shadow.act(action, target, limits);
-                (shadow, shadow.limited(action, target))
-            }
-            None => (AxisChannels::ZERO, self.channels.limited(command.action, target)),
-        };
         let offsets = self.channels.offsets();
+        let (shadow, limited) = match command.shadow {
+            Some(action) => {
+                self.shadow.act(action, target, limits);
+                let shadow = self.shadow.offsets();
+                (shadow, limited(&shadow, action, target))
+            }
+            None => {
+                self.shadow = AxisChannels::ZERO;
+                (Offsets::ZERO, limited(&offsets, command.action, target))
+            }
+        };
         let (reference, clamped) = drive_reference(command.nominal, &offsets, &config.machine_travel);
-        let state = AxisState {
+        *state = AxisState {
             nominal: command.nominal,
             offsets,
-            shadow: self.shadow.offsets(),
+            shadow,
             actual: command.actual,
             flags: AxisFlags(limited.0 | clamped.0).with(AxisFlags::NOMINAL_STEP, command.nominal_stepped),
         };
-        (reference, state)
+        reference
     }
 }
 
@@ -121,6 +125,6 @@ pub fn drive_reference(nominal: PositionNm, offsets: &Offsets, travel: &Travel) 
 #[inline]
 #[must_use]
 pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycles: u32) -> bool {
-    let limit = u64::from(axis.nominal_step_nm).saturating_mul(u64::from(cycles));
+    let limit = u64::from(axis.nominal_step_nm).wrapping_mul(u64::from(cycles));
     from.0.abs_diff(to.0) > limit
 }

@@ -74,46 +74,44 @@ impl AxisChannels {
 
     /// Applies one action. Only [`Action::Follow`] reads `targets`.
     #[inline]
-    #[must_use]
-    pub fn act(self, action: Action, targets: &Offsets, limits: &AxisLimits) -> Self {
+    pub fn act(&mut self, action: Action, targets: &Offsets, limits: &AxisLimits) {
         match action {
-            Action::Hold => Self {
-                position: self.position.hold(),
-                velocity: self.velocity.ramp(&limits.velocity),
-                torque: self.torque.ramp(&limits.torque),
-            },
-            Action::Follow => self.follow(targets, limits),
-            Action::FollowZero => self.follow(&Offsets::ZERO, limits),
-            Action::Ramp => Self {
-                position: self.position.ramp(&limits.position),
-                velocity: self.velocity.ramp(&limits.velocity),
-                torque: self.torque.ramp(&limits.torque),
-            },
+            Action::Follow | Action::FollowZero => {
+                let targets = if action == Action::Follow { targets } else { &Offsets::ZERO };
+                self.position = self.position.follow(targets.position, &limits.position);
+                self.velocity = self.velocity.follow(targets.velocity, &limits.velocity);
+                self.torque = self.torque.follow(targets.torque, &limits.torque);
+            }
+            Action::Hold => {
+                self.position = self.position.hold();
+                self.ramp_pushes(limits);
+            }
+            Action::Ramp => {
+                self.position = self.position.ramp(&limits.position);
+                self.ramp_pushes(limits);
+            }
         }
     }
 
+    /// Takes one step of the ramps of velocity and torque: holding a push would not hold the machine.
     #[inline]
-    fn follow(self, targets: &Offsets, limits: &AxisLimits) -> Self {
-        Self {
-            position: self.position.follow(targets.position, &limits.position),
-            velocity: self.velocity.follow(targets.velocity, &limits.velocity),
-            torque: self.torque.follow(targets.torque, &limits.torque),
-        }
+    fn ramp_pushes(&mut self, limits: &AxisLimits) {
+        self.velocity = self.velocity.ramp(&limits.velocity);
+        self.torque = self.torque.ramp(&limits.torque);
     }
+}
 
-    /// Returns flags for the channels that a follow left short of their targets.
-    #[inline]
-    #[must_use]
-    pub fn limited(&self, action: Action, targets: &Offsets) -> AxisFlags {
-        let targets = match action {
-            Action::Follow => *targets,
-            Action::FollowZero => Offsets::ZERO,
-            Action::Hold | Action::Ramp => return AxisFlags::default(),
-        };
-        let short = self.offsets();
-        AxisFlags::default()
-            .with(AxisFlags::POSITION_LIMITED, short.position != targets.position)
-            .with(AxisFlags::VELOCITY_LIMITED, short.velocity != targets.velocity)
-            .with(AxisFlags::TORQUE_LIMITED, short.torque != targets.torque)
-    }
+/// Returns flags for the channels that a follow left short of their targets.
+#[inline]
+#[must_use]
+pub(super) fn limited(reached: &Offsets, action: Action, targets: &Offsets) -> AxisFlags {
+    let targets = match action {
+        Action::Follow => targets,
+        Action::FollowZero => &Offsets::ZERO,
+        Action::Hold | Action::Ramp => return AxisFlags::default(),
+    };
+    AxisFlags::default()
+        .with(AxisFlags::POSITION_LIMITED, reached.position != targets.position)
+        .with(AxisFlags::VELOCITY_LIMITED, reached.velocity != targets.velocity)
+        .with(AxisFlags::TORQUE_LIMITED, reached.torque != targets.torque)
 }

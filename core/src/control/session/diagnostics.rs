@@ -2,7 +2,8 @@
 
 use super::Parts;
 use super::fsm::{Decision, EndReason, FsmInput, FsmState};
-use crate::control::message::{AxisFlags, Cause, Counters, Phase};
+use crate::control::message::{AxisFlags, AxisState, Cause, Counters, Phase};
+use crate::zip::each;
 
 impl<const N: usize> Parts<N> {
     /// Updates counters and cause after a tick, beside the counts of [`super::ingress`].
@@ -44,11 +45,12 @@ impl<const N: usize> Parts<N> {
 }
 
 /// Counts limited channel steps and clamped references.
-pub(super) fn count_flags(counters: &mut Counters, flags: AxisFlags) {
-    let clamped = flags.0 & AxisFlags::TRAVEL.0;
-    let limited = flags.0 & AxisFlags::LIMITED.0;
-    counters.limited = counters.limited.saturating_add(limited.count_ones());
-    counters.clamped = counters.clamped.saturating_add(clamped.count_ones());
+pub(super) fn count_flags<const N: usize>(counters: &mut Counters, axes: &[AxisState; N]) {
+    // Sums of at most 3 N do not wrap.
+    let count =
+        |of: AxisFlags| each(axes).fold(0_u32, |sum, axis| sum.wrapping_add((axis.flags.0 & of.0).count_ones()));
+    counters.limited = counters.limited.saturating_add(count(AxisFlags::LIMITED));
+    counters.clamped = counters.clamped.saturating_add(count(AxisFlags::TRAVEL));
 }
 
 /// Returns the number of on-time deadlines among the latest 100.

@@ -43,6 +43,14 @@ pub struct Diagnostics {
     pub late: bool,
 }
 
+impl Diagnostics {
+    /// Nothing since these counts.
+    #[must_use]
+    pub fn after(counters: &Counters) -> Self {
+        Self { counters: *counters, ..Self::default() }
+    }
+}
+
 /// Context of the classification: the session before the tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Classifier<'a, const N: usize> {

@@ -2,9 +2,12 @@
 
 use heapless::Vec;
 
+use super::fsm::{Decision, FsmInput, FsmState};
 use crate::control::axis::{Actual, InForce, Reference};
-use crate::control::message::{Cause, ClientMessage, ContentError, FrameError, Refusal, State};
-use crate::units::{EpochRange, PositionNm};
+use crate::control::message::{
+    AxisState, Cause, ClientMessage, ContentError, Counters, FrameError, Phase, Refusal, State,
+};
+use crate::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
 
 /// Events that one tick can take: 8 frames of the owner, its flood or broken stream, a Stop behind a flood, its closing, and 5 events
 /// of non-owners.
@@ -184,4 +187,48 @@ pub struct Output<const N: usize> {
     pub close: Option<Connection>,
     /// Cause of an end of a session, or of a stop, in this tick.
     pub ended: Option<Cause>,
+}
+
+impl<const N: usize> Output<N> {
+    /// No reference, no answer, the State of a server that has not run.
+    #[inline]
+    pub(super) fn nothing() -> Self {
+        let state = State {
+            tick: Tick(0),
+            epoch: Epoch(0),
+            accepted: Sequence(0),
+            phase: Phase::Listening,
+            cause: Cause::None,
+            on_time_of_100: 0,
+            arrival_us: 0,
+            ramp_ticks_left: 0,
+            counters: Counters::default(),
+            axes: [AxisState::default(); N],
+        };
+        Self {
+            references: [Reference::ZERO; N],
+            withheld: true,
+            state,
+            owner: None,
+            welcome: None,
+            refusals: Refusals::new(),
+            close: None,
+            ended: None,
+        }
+    }
+
+    /// Answers the Hellos: the one that was granted with a Welcome, the others with their refusals.
+    pub(super) fn answer(&mut self, before: &FsmState, decision: &Decision, fsm: &FsmInput, refusals: &Refusals) {
+        self.welcome = match (before.phase, decision.next.phase) {
+            (Phase::Listening, Phase::Handshake) => decision.next.owner,
+            _ => None,
+        };
+        // There is room: each event adds at most one refusal.
+        self.refusals.extend_from_slice(refusals).unwrap_or(());
+        if let (Some((connection, _)), None) = (fsm.hello, self.welcome) {
+            // A stop came with the Hello.
+            let reason = Refusal::Faulted { ticks_left: 0 };
+            self.refusals.push((connection, reason)).unwrap_or(());
+        }
+    }
 }

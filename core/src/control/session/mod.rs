@@ -20,17 +20,17 @@ pub(crate) mod step;
 use core::fmt;
 
 use crate::control::axis::{InForce, Offsets};
-use crate::control::message::{AxisState, Cause, Counters, Phase, Refusal, State, Welcome};
+use crate::control::message::{Cause, Counters, Phase, State, Welcome};
 use crate::units::{Epoch, EpochRange, Sequence, Tick};
-use crate::zip::{each, zip};
+use crate::zip::zip;
 
 use act::Axis;
 use channels::AxisChannels;
 use config::{Config, Parameters};
 use diagnostics::{count_flags, on_time_of_100};
-use fsm::{Decision, FsmInput, FsmState};
+use fsm::FsmState;
 use ingress::{Accepted, Classifier, Diagnostics};
-use step::{Known, Step, all_zero, step};
+use step::{Known, Outcome, Step, all_zero, step};
 
 pub use io::{Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Reading, Refusals, TickInput};
 pub use recorder::{NoRecorder, Record};
@@ -306,55 +306,54 @@ impl<const N: usize> Session<N> {
     #[inline(never)]
     pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
         self.settle_write(&input.tick.last_write);
-        let (accepted, diagnostics) = self.classify(&input.events, &input.epochs);
-        self.step(&input.tick, accepted, diagnostics)
+        let (mut accepted, mut diagnostics) = (Accepted::nothing(), Diagnostics::after(&self.parts.counters));
+        self.classify(&input.events, &input.epochs, &mut accepted, &mut diagnostics);
+        self.step(&input.tick, &accepted, &diagnostics)
     }
 
     /// Classifies the events, in order of arrival.
-    #[must_use]
-    pub(crate) fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics) {
+    pub(crate) fn classify(
+        &self,
+        events: &Events<N>,
+        epochs: &EpochRange,
+        accepted: &mut Accepted<N>,
+        diagnostics: &mut Diagnostics,
+    ) {
         let classifier = Classifier {
             discrete: &self.parts.discrete,
             parameters: self.config.parameters(),
             axes: &self.parts.axes,
             next_epoch: epochs.after(self.parts.discrete.epoch),
         };
-        let mut accepted = Accepted::nothing();
-        let mut diagnostics = Diagnostics { counters: self.parts.counters, ..Diagnostics::default() };
         for (connection, event) in events {
-            classifier.classify(*connection, event, &mut accepted, &mut diagnostics);
+            classifier.classify(*connection, event, accepted, diagnostics);
         }
-        (accepted, diagnostics)
     }
 
     /// Decides and acts. The invariant and every bound hold for anything that can have been accepted.
-    pub(crate) fn step(&mut self, tick: &TickInput<N>, accepted: Accepted<N>, diagnostics: Diagnostics) -> Output<N> {
+    pub(crate) fn step(&mut self, tick: &TickInput<N>, accepted: &Accepted<N>, diagnostics: &Diagnostics) -> Output<N> {
         if !self.parts.withheld {
             self.parts.in_force = self.demanded();
         }
+        // Filled in its place: it has most of a kilobyte.
+        let mut output = Output::nothing();
         let parts = &mut self.parts;
         let before = parts.discrete;
         let known = Known { withheld: parts.withheld, off_path: parts.off_path };
-        let Step { decision, fsm, axes, off_path } =
-            step(self.config.parameters(), &mut parts.discrete, &mut parts.axes, known, tick, &accepted);
+        let outcome = Outcome { references: &mut output.references, states: &mut output.state.axes };
+        let Step { decision, fsm, off_path } =
+            step(self.config.parameters(), &mut parts.discrete, &mut parts.axes, known, tick, accepted, outcome);
         parts.off_path = off_path;
         parts.counters = diagnostics.counters;
         parts.update_diagnostics(&before, &decision, &fsm, diagnostics.late);
-        for (_, axis) in each(&axes) {
-            count_flags(&mut parts.counters, axis.flags);
-        }
-        let (welcome, refusals) = answers(&before, &decision, &fsm, diagnostics.refusals);
-        let owner = decision.next.owner;
-        Output {
-            references: axes.map(|(reference, _)| reference),
-            withheld: self.parts.withheld,
-            state: self.state(axes.map(|(_, state)| state), tick.arrival_us),
-            owner,
-            welcome,
-            refusals,
-            close: before.owner.filter(|_| before.owner != owner),
-            ended: decision.end.map(|_| self.parts.cause),
-        }
+        count_flags(&mut parts.counters, &output.state.axes);
+        self.report(&mut output.state, tick.arrival_us);
+        output.withheld = self.parts.withheld;
+        output.owner = decision.next.owner;
+        output.close = before.owner.filter(|_| before.owner != output.owner);
+        output.ended = decision.end.map(|_| self.parts.cause);
+        output.answer(&before, &decision, &fsm, &diagnostics.refusals);
+        output
     }
 
     /// Returns the Welcome of the session that was just granted.
@@ -372,22 +371,19 @@ impl<const N: usize> Session<N> {
         }
     }
 
-    /// Returns the State after this tick.
-    fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
+    /// Reports in a State everything but the axes, which have done so.
+    fn report(&self, state: &mut State<N>, arrival_us: u16) {
         let parts = &self.parts;
         let discrete = &parts.discrete;
-        State {
-            tick: discrete.tick,
-            epoch: discrete.epoch,
-            accepted: discrete.accepted,
-            phase: discrete.phase,
-            cause: parts.cause,
-            on_time_of_100: on_time_of_100(discrete.history),
-            arrival_us,
-            ramp_ticks_left: ramp_ticks_left(self.config.parameters(), &parts.axes),
-            counters: parts.counters,
-            axes,
-        }
+        state.tick = discrete.tick;
+        state.epoch = discrete.epoch;
+        state.accepted = discrete.accepted;
+        state.phase = discrete.phase;
+        state.cause = parts.cause;
+        state.on_time_of_100 = on_time_of_100(discrete.history);
+        state.arrival_us = arrival_us;
+        state.ramp_ticks_left = ramp_ticks_left(self.config.parameters(), &parts.axes);
+        state.counters = parts.counters;
     }
 }
 
@@ -399,25 +395,6 @@ impl<const N: usize> kani::Arbitrary for Session<N> {
         kani::cover!(true, "some sessions are valid");
         session
     }
-}
-
-/// Returns the recipient of a Welcome, and the Refusals.
-fn answers(
-    before: &FsmState,
-    decision: &Decision,
-    fsm: &FsmInput,
-    mut refusals: Refusals,
-) -> (Option<Connection>, Refusals) {
-    let welcome = match (before.phase, decision.next.phase) {
-        (Phase::Listening, Phase::Handshake) => decision.next.owner,
-        _ => None,
-    };
-    if let (Some((connection, _)), None) = (fsm.hello, welcome) {
-        // A stop came with the Hello. There is room: each event adds at most one refusal.
-        let reason = Refusal::Faulted { ticks_left: 0 };
-        refusals.push((connection, reason)).unwrap_or(());
-    }
-    (welcome, refusals)
 }
 
 /// Builds axes at rest at the values read back from the drives.

@@ -13,15 +13,21 @@ use crate::units::PositionNm;
 use crate::zip::{each, zip};
 
 /// Result of a step.
-pub(super) struct Step<const N: usize> {
+pub(super) struct Step {
     /// The decision.
     pub(super) decision: Decision,
     /// Complete input of the decision.
     pub(super) fsm: FsmInput,
-    /// Reference and State of each axis.
-    pub(super) axes: [(Reference, AxisState); N],
     /// The axes were held at the nominal references in force.
     pub(super) off_path: bool,
+}
+
+/// What the axes gave in a step.
+pub(super) struct Outcome<'a, const N: usize> {
+    /// References of the axes.
+    pub(super) references: &'a mut [Reference; N],
+    /// States of the axes.
+    pub(super) states: &'a mut [AxisState; N],
 }
 
 /// Knowledge of the drives.
@@ -41,14 +47,19 @@ pub(super) fn step<const N: usize>(
     known: Known,
     tick: &TickInput<N>,
     accepted: &Accepted<N>,
-) -> Step<N> {
+    outcome: Outcome<'_, N>,
+) -> Step {
     let (decision, fsm, order) = order(parameters, discrete, axes, known, tick, accepted);
-    let axes = carry_out(parameters, axes, &order, tick, accepted, |axis, command| match command {
-        Some((command, config)) => axis.act(&command, config),
-        None => axis.held(),
+    carry_out(parameters, axes, &order, tick, accepted, |index, axis, command| {
+        if let (Some(reference), Some(state)) = (outcome.references.get_mut(index), outcome.states.get_mut(index)) {
+            *reference = match command {
+                Some((command, config)) => axis.act(&command, config, state),
+                None => axis.held(state),
+            };
+        }
     });
     *discrete = decision.next;
-    Step { decision, fsm, axes, off_path: order.holds }
+    Step { decision, fsm, off_path: order.holds }
 }
 
 /// Order of a tick to all axes.
@@ -86,24 +97,24 @@ pub fn order<const N: usize>(
     (decision, fsm, Order { action: decision.action, shadow, stepped, holds })
 }
 
-/// Lets every axis `act` on an order with its own target, nominal reference, measurements and configuration. Returns what they return.
+/// Lets every axis `act` on an order with its own target, nominal reference, measurements and configuration.
 ///
 /// It knows nothing of what an axis does, so whatever is proved of one axis holds for each of them.
-pub fn carry_out<const N: usize, T>(
+pub fn carry_out<const N: usize>(
     parameters: &Parameters<N>,
     axes: &mut [Axis; N],
     order: &Order<N>,
     tick: &TickInput<N>,
     accepted: &Accepted<N>,
-    act: impl Fn(&mut Axis, Option<(AxisCommand, &AxisConfig)>) -> T,
-) -> [T; N] {
-    let mut index = 0_usize;
-    axes.each_mut().map(|axis| {
-        // Never `None`: every array has N elements. The compiler cannot see it.
-        let command = command(index, axis, order, tick, accepted).zip(parameters.axes.get(index));
-        index = index.wrapping_add(1);
-        act(axis, command)
-    })
+    mut act: impl FnMut(usize, &mut Axis, Option<(AxisCommand, &AxisConfig)>),
+) {
+    for index in 0..N {
+        if let Some(axis) = axes.get_mut(index) {
+            // Never `None`: every array has N elements. The compiler cannot see it.
+            let command = command(index, axis, order, tick, accepted).zip(parameters.axes.get(index));
+            act(index, axis, command);
+        }
+    }
 }
 
 /// Command of the tick to the axis at `index`.
@@ -143,9 +154,10 @@ fn reading<const N: usize>(
 fn all_nominal_stepped<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N], tick: &TickInput<N>) -> [bool; N] {
     let mut stepped = [false; N];
     let Some(reading) = &tick.reading else { return stepped };
+    let cycles = tick.cycles();
     for (index, (axis, config)) in zip(axes, &parameters.axes).enumerate() {
         if let (Some(stepped), Some(to)) = (stepped.get_mut(index), reading.nominal.get(index)) {
-            *stepped = nominal_stepped(axis.nominal, *to, config, tick.cycles());
+            *stepped = nominal_stepped(axis.nominal, *to, config, cycles);
         }
     }
     stepped

@@ -10,7 +10,7 @@ use super::config::{MissBudget, Parameters};
 use super::*;
 use crate::control::axis::Actual;
 use crate::control::fixture::{HELLO, at, axis, command, limits};
-use crate::control::message::{AxisFlags, ClientMessage, Command, Mode};
+use crate::control::message::{AxisFlags, ClientMessage, Command, Mode, Refusal};
 use crate::control::wire::FrameError;
 use crate::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 

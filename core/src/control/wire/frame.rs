@@ -26,6 +26,12 @@ pub struct FrameBytes {
 impl FrameBytes {
     /// No bytes.
     pub(crate) const EMPTY: Self = Self { bytes: [0; MAX_FRAME], length: 0 };
+
+    /// As [`enclose`], in the place of another frame: that of every tick is not moved.
+    pub(crate) fn enclose<B: Body>(&mut self, kind: Kind, body: &B) {
+        const { assert!(B::LENGTH <= MAX_BODY, "the body does not fit a frame") };
+        self.length = fill(&mut self.bytes, kind, body).unwrap_or(0);
+    }
 }
 
 impl Deref for FrameBytes {
@@ -165,9 +171,8 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
 /// Puts header and checksum around a body. A body that does not fit a frame does not compile.
 #[must_use]
 pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
-    const { assert!(B::LENGTH <= MAX_BODY, "the body does not fit a frame") };
     let mut frame = FrameBytes::EMPTY;
-    frame.length = fill(&mut frame.bytes, kind, body).unwrap_or(0);
+    frame.enclose(kind, body);
     frame
 }
 
