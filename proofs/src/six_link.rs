@@ -55,6 +55,9 @@ fn keeps_lengths(kinematics: &f1::Kinematics, pose: &Pose, q: &Six) {
 
 /// T12 and T13 for what is built on the kinematics: no panic on any numbers, and every returned number is finite. Tested.
 pub fn statics_are_finite(machine: &f1::Elastic, pose: &Pose, q: &Six, load: &Wrench) {
+    if let Ok(jacobian) = machine.kinematics().jacobian(pose, q) {
+        finite(jacobian.as_slice());
+    }
     if let Ok(lines) = machine.kinematics().line_matrix(pose, q) {
         if let Ok(jacobian) = lines.jacobian() {
             finite(jacobian.as_slice());

@@ -22,7 +22,7 @@ pub(crate) struct Inverse {
 
 impl Inverse {
     /// Inverts the matrix; `None` unless `|det| > SINGULARITY_TOLERANCE |r_1| |r_2| |r_3|`; not for NaN.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn of_rows([r1, r2, r3]: [&Vector3<f64>; 3]) -> Option<Self> {
         let (c1, c2, c3) = (r2.cross(r3), r3.cross(r1), r1.cross(r2));
         let determinant = r1.dot(&c1);
@@ -84,6 +84,21 @@ impl BlockFactors {
         let y = self.second.times([e22 - k22, e32 - k32, e33 - k33]);
         let x = self.first.times([e11 - m11.dot(&y), e21 - m21.dot(&y), e31 - m31.dot(&y)]);
         (x, y)
+    }
+
+    /// As [`solve`](Self::solve), where of links 11, 21 and 31 only that of `ARM` (0 to 2) has a right side, `first`; `rest` are those of
+    /// links 22, 32 and 33.
+    #[inline]
+    pub(crate) fn solve_arm<const ARM: usize>(&self, first: f64, rest: [f64; 3]) -> (Vector3<f64>, Vector3<f64>) {
+        let [e22, e32, e33] = rest;
+        let [m11, m21, m31] = &self.moments_m;
+        let [k22, k32, k33] = self.weights.map(|row| row.get(ARM).map_or(0.0, |a| a * first));
+        let y = self.second.times([e22 - k22, e32 - k32, e33 - k33]);
+        let mut eliminated = [-m11.dot(&y), -m21.dot(&y), -m31.dot(&y)];
+        if let Some(own) = eliminated.get_mut(ARM) {
+            *own += first;
+        }
+        (self.first.times(eliminated), y)
     }
 
     /// `f` of `sum f s = force`, `sum f m = moment`, link order: the cluster sums `S_1^-T force` first, then

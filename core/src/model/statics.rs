@@ -6,8 +6,7 @@
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3};
 
 use crate::model::block_solve::BlockFactors;
-use crate::model::kinematics::{KinematicsError, Pose};
-use crate::model::linalg::times;
+use crate::model::kinematics::KinematicsError;
 use crate::model::lu::Lu;
 use crate::model::robot::{ARMS, LINKS};
 use crate::zip::zip;
@@ -61,87 +60,95 @@ impl Wrench {
 /// The six links in a pose, factored once: `W = [s; l x s]` `[T 3.17, 3.22]` and `D`, for a machine with `N` axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineMatrix<const N: usize> {
-    lines: Lines<N>,
-    factors: Factors,
-}
-
-/// `W^T` and `D` of a pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Lines<const N: usize> {
     /// `s_ij`: from platform to cart, link order.
     directions: [Vector3<f64>; LINKS],
     /// `l_ij x s_ij`, metres.
     moments_m: [Vector3<f64>; LINKS],
     /// `D_(ij),k = s_ij . dA_ij/dq_k`: rows in link order, columns in axis order.
     drives: [[f64; N]; LINKS],
+    /// `W^T`, factored; `None` where a block is near singular: there each solve factors it as a whole, with pivots.
+    factors: Option<BlockFactors>,
 }
 
-/// `W^T`, factored: by blocks, or as a whole where a block is near singular.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Factors {
-    Blocks(BlockFactors),
-    Full(Lu<LINKS>),
-}
-
-impl<const N: usize> Lines<N> {
-    /// Lines of links with these directions (`s_ij`) and drives (`D`), on a platform in this pose.
+impl<const N: usize> LineMatrix<N> {
+    /// Factors the lines of links with these directions (`s_ij`), drives (`D`), and levers of their platform joints about the tool centre
+    /// point (`l_ij`, world axes, metres).
+    ///
+    /// # Errors
+    /// `Singular` and `NotFinite`.
     #[inline]
     pub(crate) fn new(
         directions: &[Vector3<f64>; LINKS],
         drives: &[[f64; N]; LINKS],
-        platform_joints_m: &[Vector3<f64>; LINKS],
-        pose: &Pose,
-    ) -> Self {
-        let mut moments_m = *platform_joints_m;
-        for (moment, s) in moments_m.iter_mut().zip(directions) {
-            *moment = times(&pose.rotation, moment).cross(s);
+        levers_m: &[Vector3<f64>; LINKS],
+    ) -> Result<Self, KinematicsError> {
+        let moments_m = moments(levers_m, directions);
+        let factors = BlockFactors::new(directions, &moments_m);
+        if factors.is_none() {
+            pivots(directions, &moments_m)?;
         }
-        Self { directions: *directions, moments_m, drives: *drives }
-    }
-
-    #[inline]
-    pub(crate) fn factored(&self) -> Result<LineMatrix<N>, KinematicsError> {
-        let factors = self.factors();
-        self.with(factors.as_ref().map_err(|error| *error)?)
-    }
-
-    #[inline(never)]
-    fn factors(&self) -> Result<Factors, KinematicsError> {
-        match BlockFactors::new(&self.directions, &self.moments_m) {
-            Some(factors) => Ok(Factors::Blocks(factors)),
-            None => self.full(),
-        }
-    }
-
-    /// Near a singularity of either block.
-    #[cold]
-    #[inline(never)]
-    fn full(&self) -> Result<Factors, KinematicsError> {
-        Ok(Factors::Full(Lu::factor(&self.rows())?))
-    }
-
-    /// Returns a `Result`, so that no caller wraps the line matrix: that would put it on the stack twice.
-    #[inline(never)]
-    fn with(&self, factors: &Factors) -> Result<LineMatrix<N>, KinematicsError> {
-        Ok(LineMatrix { lines: *self, factors: *factors })
+        Ok(Self { directions: *directions, moments_m, drives: *drives, factors })
     }
 
     /// Rows of `W^T`.
     fn rows(&self) -> [[f64; LINKS]; LINKS] {
         rows(&self.directions, &self.moments_m)
     }
+
+    /// `x` of `W^T x = right`.
+    #[inline]
+    pub(crate) fn solve(&self, right: &[f64; LINKS]) -> Result<[f64; LINKS], KinematicsError> {
+        let Some(factors) = &self.factors else { return self.solve_by_pivots(right) };
+        let (x, y) = factors.solve(right);
+        finite([x.x, x.y, x.z, y.x, y.y, y.z])
+    }
+
+    /// `f` of `W f = w`.
+    #[inline]
+    fn solve_transposed(&self, load: &Wrench) -> Result<[f64; LINKS], KinematicsError> {
+        let Some(factors) = &self.factors else { return self.solve_transposed_by_pivots(load) };
+        finite(factors.solve_transposed(&load.force_n, &load.moment_nm))
+    }
+
+    // Not inlined: the factors of all six rows would be on every caller's stack.
+    #[cold]
+    #[inline(never)]
+    fn solve_by_pivots(&self, right: &[f64; LINKS]) -> Result<[f64; LINKS], KinematicsError> {
+        finite(Lu::factor(&self.rows())?.solve(right))
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn solve_transposed_by_pivots(&self, load: &Wrench) -> Result<[f64; LINKS], KinematicsError> {
+        finite(Lu::factor(&self.rows())?.solve_transposed(&load.to_array()))
+    }
+}
+
+/// Looks near a singularity of either block whether the lines depend on each other.
+#[cold]
+#[inline(never)]
+fn pivots(directions: &[Vector3<f64>; LINKS], moments_m: &[Vector3<f64>; LINKS]) -> Result<(), KinematicsError> {
+    Lu::factor(&rows(directions, moments_m)).map(|_| ())
 }
 
 impl LineMatrix<ARMS> {
     /// `[D_(ij), -(l_ij x s_ij)]`: derivatives of the link lengths by the carts and the platform's rotation.
     pub(crate) fn rows_by_carts(&self) -> [[f64; LINKS]; LINKS] {
         let mut rows = [[0.0; LINKS]; LINKS];
-        for (row, (drives, m)) in rows.iter_mut().zip(zip(&self.lines.drives, &self.lines.moments_m)) {
+        for (row, (drives, m)) in rows.iter_mut().zip(zip(&self.drives, &self.moments_m)) {
             let [d1, d2, d3] = *drives;
             *row = [d1, d2, d3, -m.x, -m.y, -m.z];
         }
         rows
     }
+}
+
+/// `l_ij x s_ij`.
+#[inline]
+pub(crate) fn moments(levers_m: &[Vector3<f64>; LINKS], directions: &[Vector3<f64>; LINKS]) -> [Vector3<f64>; LINKS] {
+    let [l11, l21, l22, l31, l32, l33] = levers_m;
+    let [s11, s21, s22, s31, s32, s33] = directions;
+    [l11.cross(s11), l21.cross(s21), l22.cross(s22), l31.cross(s31), l32.cross(s32), l33.cross(s33)]
 }
 
 /// Rows `[s_ij, l_ij x s_ij]` of `W^T`, from these vectors in link order.
@@ -153,34 +160,11 @@ pub(crate) fn rows(directions: &[Vector3<f64>; LINKS], moments_m: &[Vector3<f64>
     rows
 }
 
-impl Factors {
-    /// `x` of `W^T x = right`.
-    #[inline]
-    fn solve(&self, right: &[f64; LINKS]) -> [f64; LINKS] {
-        match self {
-            Self::Blocks(factors) => {
-                let (x, y) = factors.solve(right);
-                [x.x, x.y, x.z, y.x, y.y, y.z]
-            }
-            Self::Full(factors) => factors.solve(right),
-        }
-    }
-
-    /// `f` of `W f = w`.
-    #[inline]
-    fn solve_transposed(&self, load: &Wrench) -> [f64; LINKS] {
-        match self {
-            Self::Blocks(factors) => factors.solve_transposed(&load.force_n, &load.moment_nm),
-            Self::Full(factors) => factors.solve_transposed(&load.to_array()),
-        }
-    }
-}
-
 impl<const N: usize> LineMatrix<N> {
     /// `W`: forces (dimensionless) over moments (m) of a unit tension in each link.
     #[must_use]
     pub fn matrix(&self) -> Matrix6<f64> {
-        Matrix6::from_column_slice(self.lines.rows().as_flattened())
+        Matrix6::from_column_slice(self.rows().as_flattened())
     }
 
     /// `f = -W^-1 w` `[T 3.25]`: tension of each link, N, link order.
@@ -188,7 +172,7 @@ impl<const N: usize> LineMatrix<N> {
     /// # Errors
     /// [`KinematicsError::NotFinite`].
     pub fn link_forces_n(&self, load: &Wrench) -> Result<[f64; LINKS], KinematicsError> {
-        finite(self.factors.solve_transposed(load).map(|force| -force))
+        Ok(self.solve_transposed(load)?.map(|force| -force))
     }
 
     /// `tau = -D^T f` `[T 3.26]`: load on each actuator, positive along `+q`, in newtons times metres per q-unit.
@@ -196,7 +180,7 @@ impl<const N: usize> LineMatrix<N> {
     #[must_use]
     pub fn cart_loads(&self, link_forces_n: &[f64; LINKS]) -> [f64; N] {
         let mut loads = [0.0; N];
-        for (row, force) in zip(&self.lines.drives, link_forces_n) {
+        for (row, force) in zip(&self.drives, link_forces_n) {
             for (load, drive) in loads.iter_mut().zip(row) {
                 *load -= drive * force;
             }
@@ -211,12 +195,12 @@ impl<const N: usize> LineMatrix<N> {
     /// [`KinematicsError::NotFinite`].
     pub fn displacement(&self, dq: &[f64; N], elongations_m: &[f64; LINKS]) -> Result<[f64; 6], KinematicsError> {
         let mut right = [0.0; LINKS];
-        let drives = &self.lines.drives;
+        let drives = &self.drives;
         for (value, (row, elongation)) in right.iter_mut().zip(zip(drives, elongations_m)) {
             let driven: f64 = zip(row, dq).map(|(drive, dq)| drive * dq).sum();
             *value = driven - elongation;
         }
-        finite(self.factors.solve(&right))
+        self.solve(&right)
     }
 
     /// `J = W^-T D`: the platform's twist (translation of the tool centre point over rotation, world axes) per axis;
@@ -228,10 +212,10 @@ impl<const N: usize> LineMatrix<N> {
         let mut columns = [[0.0; 6]; N];
         for (axis, column) in columns.iter_mut().enumerate() {
             let mut driven = [0.0; LINKS];
-            for (value, row) in driven.iter_mut().zip(&self.lines.drives) {
+            for (value, row) in driven.iter_mut().zip(&self.drives) {
                 *value = row.get(axis).copied().unwrap_or(0.0);
             }
-            *column = finite(self.factors.solve(&driven))?;
+            *column = self.solve(&driven)?;
         }
         Ok(SMatrix::from_data(ArrayStorage(columns)))
     }
@@ -245,6 +229,7 @@ pub(crate) fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], Kinem
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::kinematics::Pose;
     use crate::model::l2::Robot;
     use crate::model::l2::tests::{geometry, l2};
 

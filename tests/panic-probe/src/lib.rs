@@ -170,7 +170,7 @@ pub extern "C" fn client_of_six(
         let config = CompensatorConfig { gain: 1.0, limits: [Default::default(); 6], metres_per_q: *metres_per_q };
         let mut compensator = f1::Compensator::new(&kinematics.without_travel(), &compliances, config).ok()?;
         let lines = kinematics.line_matrix(&pose.value, &there.value);
-        let jacobian = lines.and_then(|lines| lines.jacobian());
+        let jacobian = lines.and_then(|lines| Ok(lines.jacobian()? + kinematics.jacobian(&pose.value, &there.value)?));
         let compliance = lines.and_then(|lines| lines.compliance(&compliances));
         let correction = compensator.correct(nominal, &load);
         let at = compensator.correct_at(&pose.value, &there.value, &load);

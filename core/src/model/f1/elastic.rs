@@ -1,11 +1,12 @@
 //! The F1 with links and axes as springs `[T 3.3]`, and the commands that hold a pose under load `[T 5.2.3]`.
 
+use super::kinematics::plates::PlatesAt;
 use super::{AXES, Kinematics};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution};
 use crate::model::linalg::{max_propagating_nan, product, rotation_from_vector};
 use crate::model::robot::{Compliances, LINKS};
 use crate::model::statics::{Wrench, finite};
-use crate::model::stiffness::Deflection;
+use crate::model::stiffness::{Displacement, Yielding};
 use crate::zip::zip;
 
 /// Largest change of a link length in the last round of the exact map, metres.
@@ -51,27 +52,33 @@ impl Elastic {
         load: &Wrench,
         gain: f64,
     ) -> Result<[f64; AXES], KinematicsError> {
-        let deflection = self.deflection(pose, q, load)?;
-        let turn = rotation_from_vector(&(deflection.links.rotation_rad * -gain)).ok_or(KinematicsError::NotFinite)?;
-        let corrected = Pose {
-            position_m: pose.position_m - deflection.links.translation_m * gain,
-            rotation: product(&turn, &pose.rotation),
-        };
-        let [.., q4, q5, q6] = *q;
-        let mut command = self.kinematics.inverse(&corrected, Some([q4, q5, q6]))?.value;
-        for (command, yielding) in command.iter_mut().zip(deflection.carts) {
+        // Placed once: the inverse starts from them.
+        let plates = self.kinematics.place(q);
+        let (carts, links) = self.yielding(pose, &plates, load)?;
+        let turn = rotation_from_vector(&(links.rotation_rad * -gain)).ok_or(KinematicsError::NotFinite)?;
+        let corrected =
+            Pose { position_m: pose.position_m - links.translation_m * gain, rotation: product(&turn, &pose.rotation) };
+        let mut command = self.kinematics.inverse_from(&corrected, q, &plates)?.value;
+        for (command, yielding) in command.iter_mut().zip(carts) {
             *command -= gain * yielding;
         }
         Ok(command)
     }
 
-    /// Deflection at `pose`. Not inlined, so that its matrices have left the stack when the inverse begins.
+    /// Displacements of the axes (q-units), and of the platform by the links alone. Not inlined, so that its matrices have left the stack
+    /// when the inverse begins.
     #[inline(never)]
-    fn deflection(&self, pose: &Pose, q: &[f64; AXES], load: &Wrench) -> Result<Deflection<AXES>, KinematicsError> {
-        // Borrowed: moving the 1 KB matrix out of the `Result` would put a second copy on the stack.
-        let lines = self.kinematics.line_matrix(pose, q);
+    fn yielding(
+        &self,
+        pose: &Pose,
+        plates: &PlatesAt<'_>,
+        load: &Wrench,
+    ) -> Result<([f64; AXES], Displacement), KinematicsError> {
+        // Borrowed: moving the matrix out of the `Result` would put a second copy on the stack.
+        let lines = self.kinematics.line_matrix_of(pose, plates);
         let lines = lines.as_ref().map_err(|error| *error)?;
-        lines.deflection(&self.compliances, load)
+        let Yielding { carts, elongations_m } = lines.yielding(&self.compliances, load)?;
+        Ok((carts, lines.displacement_by_links(&elongations_m)?))
     }
 
     /// Returns the exact command: positions for which the loaded machine stands in `pose`, with its links as long and its axes as far as the

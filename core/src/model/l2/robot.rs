@@ -9,7 +9,7 @@ use crate::model::robot::{
     ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitudes, check_travel,
     check_vectors, checksum,
 };
-use crate::model::statics::{LineMatrix, Lines};
+use crate::model::statics::LineMatrix;
 
 /// Configuration `c` of `[T 3.1]`: the solution of the kinematics that the machine is built in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,8 +105,8 @@ impl Robot {
                 *drive = s.dot(guideway);
             }
         }
-        let joints = &self.geometry.platform_joints_m;
-        Lines::new(&directions, &drives, joints, pose).factored()
+        let levers_m = self.geometry.platform_joints_m.map(|joint| times(&pose.rotation, &joint));
+        LineMatrix::new(&directions, &drives, &levers_m)
     }
 }
 

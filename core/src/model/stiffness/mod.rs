@@ -60,6 +60,15 @@ pub struct Deflection<const N: usize> {
     pub total: Displacement,
 }
 
+/// Springs under a load.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Yielding<const N: usize> {
+    /// `r`: displacement of each axis, q-units.
+    pub(crate) carts: [f64; N],
+    /// `e`: elongation of each link, metres.
+    pub(crate) elongations_m: [f64; LINKS],
+}
+
 impl<const N: usize> LineMatrix<N> {
     /// Returns the deflection by `load`: `e = c f`, `r = c tau`, `W^T dx_links = -e`, `W^T dx_total = D r - e`.
     ///
@@ -84,22 +93,33 @@ impl<const N: usize> LineMatrix<N> {
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```
     pub fn deflection(&self, compliances: &Compliances<N>, load: &Wrench) -> Result<Deflection<N>, KinematicsError> {
+        let Yielding { carts, elongations_m } = self.yielding(compliances, load)?;
+        Ok(Deflection {
+            carts,
+            links: self.displacement_by_links(&elongations_m)?,
+            total: Displacement::from_array(self.displacement(&carts, &elongations_m)?),
+        })
+    }
+
+    /// Returns `e = c f` and `r = c tau` under `load`.
+    #[inline]
+    pub(crate) fn yielding(&self, compliances: &Compliances<N>, load: &Wrench) -> Result<Yielding<N>, KinematicsError> {
         let forces = self.link_forces_n(load)?;
-        let mut elongations = forces;
-        for (value, compliance) in elongations.iter_mut().zip(compliances.link_m_per_n()) {
+        let mut elongations_m = forces;
+        for (value, compliance) in elongations_m.iter_mut().zip(compliances.link_m_per_n()) {
             *value *= compliance;
         }
         let mut carts = self.cart_loads(&forces);
         for (value, compliance) in carts.iter_mut().zip(compliances.cart_m_per_n()) {
             *value *= compliance;
         }
-        let links = self.displacement(&[0.0; N], &elongations)?;
-        let total = self.displacement(&carts, &elongations)?;
-        Ok(Deflection {
-            carts: finite(carts)?,
-            links: Displacement::from_array(links),
-            total: Displacement::from_array(total),
-        })
+        Ok(Yielding { carts: finite(carts)?, elongations_m })
+    }
+
+    /// Returns `dx_links` of `W^T dx_links = -e`.
+    #[inline]
+    pub(crate) fn displacement_by_links(&self, elongations_m: &[f64; LINKS]) -> Result<Displacement, KinematicsError> {
+        Ok(Displacement::from_array(self.solve(&elongations_m.map(|elongation| -elongation))?))
     }
 
     /// Returns the compliance of links and carts, `W^-T (C_link + D C_cart D^T) W^-1`.

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::step::System;
-use super::{Kinematics, stretch};
+use super::{Kinematics, surplus};
 use crate::model::f1::{AXES, Geometry};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution, is_pose};
 use crate::model::linalg::{norm, product, rotation_from_vector, sqrt, times};
@@ -47,7 +47,7 @@ impl Kinematics {
         let mut mode = None;
         for made in 0..=iterations {
             let system = self.system(&pose, &joints);
-            if made == iterations || system.is_settled(self.converged_m()) {
+            if made == iterations || system.is_settled(&self.settled()) {
                 pose.rotation = orthonormal(&pose.rotation);
                 let links_m = self.links_between(&pose, &joints);
                 let residual_m = self.check(&links_m, q, &self.robot.geometry().lengths_m, made)?;
@@ -138,29 +138,21 @@ impl Kinematics {
             && equal_in_clusters(geometry, tolerance)
     }
 
-    /// Errors of the link lengths in this pose, and their derivatives by it.
+    /// System of a Newton step from this pose.
     #[inline]
     pub(super) fn system(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> System {
-        let geometry = self.robot.geometry();
-        let [a11, a21, a22, a31, a32, a33] = joints_m;
-        let [b11, b21, b22, b31, b32, b33] = &geometry.platform_joints_m;
-        let [l11, l21, l22, l31, l32, l33] = geometry.lengths_m;
-        let row = |joint: &Vector3<f64>, end: &Vector3<f64>, length: f64| {
-            let lever = times(&pose.rotation, end);
-            let (error, s) = stretch(&(joint - pose.position_m - lever), length);
-            (s, lever.cross(&s), error)
-        };
-        let (s11, m11, e11) = row(a11, b11, l11);
-        let (s21, m21, e21) = row(a21, b21, l21);
-        let (s22, m22, e22) = row(a22, b22, l22);
-        let (s31, m31, e31) = row(a31, b31, l31);
-        let (s32, m32, e32) = row(a32, b32, l32);
-        let (s33, m33, e33) = row(a33, b33, l33);
-        System {
-            directions: [s11, s21, s22, s31, s32, s33],
-            moments_m: [m11, m21, m22, m31, m32, m33],
-            errors_m: [e11, e21, e22, e31, e32, e33],
-        }
+        let (links_m, levers_m) = self.links_and_levers(pose, joints_m);
+        let [w11, w21, w22, w31, w32, w33] = &links_m;
+        let [l11, l21, l22, l31, l32, l33] = self.robot.geometry().lengths_m;
+        let surpluses = [
+            surplus(w11, l11),
+            surplus(w21, l21),
+            surplus(w22, l22),
+            surplus(w31, l31),
+            surplus(w32, l32),
+            surplus(w33, l33),
+        ];
+        System { links_m, levers_m, surpluses }
     }
 }
 

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::newton::{Equations, newton};
-use super::plates::{PlateThree, PlateTwo};
-use super::{Kinematics, stretch};
+use super::newton::{Answer, newton};
+use super::plates::{PlateThree, PlateTwo, PlatesAt};
+use super::{Kinematics, surplus};
 use crate::model::f1::AXES;
 use crate::model::kinematics::{KinematicsError, Pose, Solution, WARM_ITERATIONS, is_pose};
 use crate::model::linalg::sqrt;
@@ -15,6 +15,16 @@ use crate::zip::zip;
 const DIRECT: u8 = 4;
 /// Square of the cosine of a link to its guideway below which a start counts as across, and of the second attempt's: 0.05, 3 degrees.
 const ACROSS_SQUARED: f64 = 0.05 * 0.05;
+
+/// Start of the iterations.
+struct Start<'a> {
+    /// `q_4`, `q_5`, `q_6`.
+    seed: [f64; 3],
+    /// Plate 2 there.
+    two: &'a PlateTwo,
+    /// Plate 3 there.
+    three: &'a PlateThree,
+}
 
 /// Course of an attempt.
 struct Course {
@@ -54,6 +64,17 @@ impl Kinematics {
         self.inverse_with_lengths(pose, seed, &self.robot.geometry().lengths_m)
     }
 
+    /// As [`inverse`](Self::inverse), from the plates of `q`, which are placed.
+    pub(in crate::model::f1) fn inverse_from(
+        &self,
+        pose: &Pose,
+        [_, _, _, q4, q5, q6]: &[f64; AXES],
+        plates: &PlatesAt<'_>,
+    ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
+        let start = Start { seed: [*q4, *q5, *q6], two: &plates.two, three: &plates.three };
+        self.inverse_from_start(pose, &start, &self.robot.geometry().lengths_m)
+    }
+
     /// As [`inverse`](Self::inverse), for links of other lengths than they have without load.
     pub(crate) fn inverse_with_lengths(
         &self,
@@ -61,11 +82,22 @@ impl Kinematics {
         seed: Option<[f64; 3]>,
         lengths_m: &[f64; LINKS],
     ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
-        let seed = seed.unwrap_or_default();
+        let [q4, q5, q6] = seed.unwrap_or_default();
+        let (two, three) = (self.plates.two(q4), self.plates.three(q5, q6));
+        let start = Start { seed: [q4, q5, q6], two: &two, three: &three };
+        self.inverse_from_start(pose, &start, lengths_m)
+    }
+
+    fn inverse_from_start(
+        &self,
+        pose: &Pose,
+        start: &Start<'_>,
+        lengths_m: &[f64; LINKS],
+    ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
         let mut course = Course { made: u8::MAX, across: false };
-        let mut found = self.solve_arms(pose, &seed, lengths_m, 0.0, &mut course);
+        let mut found = self.solve_arms(pose, start, lengths_m, 0.0, &mut course);
         if course.across && course.made > if found.is_ok() { DIRECT } else { WARM_ITERATIONS } {
-            self.solve_arms_again(pose, &seed, lengths_m, &mut found);
+            self.solve_arms_again(pose, start, lengths_m, &mut found);
         }
         found
     }
@@ -74,28 +106,28 @@ impl Kinematics {
     fn solve_arms(
         &self,
         pose: &Pose,
-        seed: &[f64; 3],
+        start: &Start<'_>,
         lengths_m: &[f64; LINKS],
         least_squared: f64,
         course: &mut Course,
     ) -> Result<Solution<[f64; AXES]>, KinematicsError> {
-        if !is_pose(pose) || !seed.iter().all(|value| value.is_finite()) {
+        if !is_pose(pose) || !start.seed.iter().all(|value| value.is_finite()) {
             return Err(KinematicsError::NotFinite);
         }
         let ends = self.ends_m(pose);
         self.reaches(&ends, lengths_m)?;
-        let [q4, q5, q6] = *seed;
         let [b11, b21, b22, b31, b32, b33] = ends;
         let [l11, l21, l22, l31, l32, l33] = *lengths_m;
-        let q1 = self.cart_one(&b11, l11)?;
-        let ((q2, q4), made_2) = self.cluster_two(&[b21, b22], &[l21, l22], q4, least_squared, &mut course.across)?;
-        let ((q3, q5, q6), made_3) =
-            self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], (q5, q6), least_squared, &mut course.across)?;
+        let (q1, w11) = self.cart_one(&b11, l11)?;
+        let across = &mut course.across;
+        let two = self.cluster_two(&[b21, b22], &[l21, l22], start, least_squared, across)?;
+        let three = self.cluster_three(&[b31, b32, b33], &[l31, l32, l33], start, least_squared, across)?;
+        let ([q2, q4], [q3, q5, q6]) = (two.unknowns, three.unknowns);
+        let ([w21, w22], [w31, w32, w33]) = (two.links_m, three.links_m);
         let value = [q1, q2, q3, q4, q5, q6];
-        let iterations = made_2.max(made_3);
+        let iterations = two.made.max(three.made);
         course.made = iterations;
-        let links = self.links_m(pose, &value);
-        let residual_m = self.check(&links, &value, lengths_m, iterations)?;
+        let residual_m = self.check(&[w11, w21, w22, w31, w32, w33], &value, lengths_m, iterations)?;
         Ok(Solution { value, iterations, residual_m })
     }
 
@@ -110,16 +142,16 @@ impl Kinematics {
     fn solve_arms_again(
         &self,
         pose: &Pose,
-        seed: &[f64; 3],
+        start: &Start<'_>,
         lengths_m: &[f64; LINKS],
         found: &mut Result<Solution<[f64; AXES]>, KinematicsError>,
     ) {
         let mut course = Course { made: 0, across: true };
-        let Ok(second) = self.solve_arms(pose, seed, lengths_m, ACROSS_SQUARED, &mut course) else {
+        let Ok(second) = self.solve_arms(pose, start, lengths_m, ACROSS_SQUARED, &mut course) else {
             return;
         };
         // Half: two attempts with one answer differ by rounding.
-        if moved(&second.value, seed) < 0.5 * moved_at_least(found, seed) {
+        if moved(&second.value, &start.seed) < 0.5 * moved_at_least(found, &start.seed) {
             *found = Ok(second);
         }
     }
@@ -141,81 +173,74 @@ impl Kinematics {
         Ok(())
     }
 
-    /// Arm 1 in closed form.
-    fn cart_one(&self, end_m: &Vector3<f64>, length_m: f64) -> Result<f64, KinematicsError> {
+    /// Arm 1 in closed form: `q_1`, and its link, metres.
+    fn cart_one(&self, end_m: &Vector3<f64>, length_m: f64) -> Result<(f64, Vector3<f64>), KinematicsError> {
         let [v1, _, _] = self.plates.guideways();
         let [c1, _, _] = self.robot.geometry().configuration;
-        let (q, along_squared) = cart(&(end_m - self.plates.one()), v1, length_m, c1);
+        let joint_m = self.plates.one();
+        let (q, along_squared) = cart(&(end_m - joint_m), v1, length_m, c1);
         if along_squared < 0.0 {
             return Err(KinematicsError::Unreachable { arm: 0 });
         }
-        Ok(q)
+        Ok((q, joint_m + v1 * q - end_m))
     }
 
-    /// Cluster 2: `(q_2, q_4)`, and the solves made.
+    /// Cluster 2: `(q_2, q_4)`.
+    #[inline]
     fn cluster_two(
         &self,
-        ends_m: &[Vector3<f64>; 2],
-        lengths_m: &[f64; 2],
-        q4: f64,
+        [end1, end2]: &[Vector3<f64>; 2],
+        [length1, length2]: &[f64; 2],
+        start: &Start<'_>,
         least_squared: f64,
         across: &mut bool,
-    ) -> Result<((f64, f64), u8), KinematicsError> {
+    ) -> Result<Answer<[Vector3<f64>; 2], 2>, KinematicsError> {
         let [_, v2, _] = self.plates.guideways();
         let [_, c2, _] = self.robot.geometry().configuration;
-        let plate = self.plates.two(q4);
-        let ([first, _], [a21, _], [length, _]) = (ends_m, plate.joints_m, *lengths_m);
-        let (q2, along_squared) = cart_beyond(&(first - a21), v2, length, c2, least_squared);
-        *across |= is_across(along_squared, length);
+        let ([q4, ..], plate) = (start.seed, *start.two);
+        let [lever, _] = plate.levers_m;
+        let (q2, along_squared) =
+            cart_beyond(&(end1 - (self.plates.cart_two(0.0) + lever)), v2, *length1, c2, least_squared);
+        *across |= is_across(along_squared, *length1);
         let place = |&[_, q4]: &[f64; 2]| self.plates.two(q4);
-        let equations = |&[q2, _]: &[f64; 2], plate: &PlateTwo| {
-            let link = |joint: &Vector3<f64>, end: &Vector3<f64>, turn: &Vector3<f64>, length: f64| {
-                let w = joint + v2 * q2 - end;
-                let (error, s) = stretch(&w, length);
-                (error, [s.dot(v2), s.dot(turn)])
-            };
-            let ([a1, a2], [t1, t2]) = (&plate.joints_m, &plate.turns);
-            let ([b1, b2], [l1, l2]) = (ends_m, *lengths_m);
-            let (one, two) = (link(a1, b1, t1, l1), link(a2, b2, t2, l2));
-            Equations { errors_m: [one.0, two.0], rows: [one.1, two.1] }
+        let measure = |&[q2, _]: &[f64; 2], plate: &PlateTwo| {
+            let (cart, [lever1, lever2]) = (self.plates.cart_two(q2), plate.levers_m);
+            let [w1, w2] = [cart + lever1 - end1, cart + lever2 - end2];
+            ([w1, w2], [surplus(&w1, *length1), surplus(&w2, *length2)])
         };
-        let ([q2, q4], made) = newton([q2, q4], plate, self.converged_m(), place, equations)
-            .map_err(|error| from_the_foot(1, along_squared, error))?;
-        Ok(((q2, q4), made))
+        let rows = |plate: &PlateTwo, links_m: &[Vector3<f64>; 2]| plate.drives(links_m, v2);
+        let [_, settled1, settled2, ..] = self.settled();
+        let settled = [settled1, settled2];
+        newton([q2, q4], plate, &settled, place, measure, rows).map_err(|error| from_the_foot(1, along_squared, error))
     }
 
-    /// Cluster 3: `(q_3, q_5, q_6)`, and the solves made.
+    /// Cluster 3: `(q_3, q_5, q_6)`.
+    #[inline]
     fn cluster_three(
         &self,
-        ends_m: &[Vector3<f64>; 3],
-        lengths_m: &[f64; 3],
-        (q5, q6): (f64, f64),
+        [end1, end2, end3]: &[Vector3<f64>; 3],
+        [length1, length2, length3]: &[f64; 3],
+        start: &Start<'_>,
         least_squared: f64,
         across: &mut bool,
-    ) -> Result<((f64, f64, f64), u8), KinematicsError> {
+    ) -> Result<Answer<[Vector3<f64>; 3], 3>, KinematicsError> {
         let [_, _, v3] = self.plates.guideways();
         let [_, _, c3] = self.robot.geometry().configuration;
-        let plate = self.plates.three(q5, q6);
-        let ([first, ..], [a31, ..], [length, ..]) = (ends_m, plate.joints_m, *lengths_m);
-        let (q3, along_squared) = cart_beyond(&(first - a31), v3, length, c3, least_squared);
-        *across |= is_across(along_squared, length);
+        let ([_, q5, q6], plate) = (start.seed, *start.three);
+        let [lever, _, _] = plate.levers_m;
+        let (q3, along_squared) =
+            cart_beyond(&(end1 - (self.plates.cart_three(0.0) + lever)), v3, *length1, c3, least_squared);
+        *across |= is_across(along_squared, *length1);
         let place = |&[_, q5, q6]: &[f64; 3]| self.plates.three(q5, q6);
-        let equations = |&[q3, _, _]: &[f64; 3], plate: &PlateThree| {
-            let link = |joint: &Vector3<f64>, end: &Vector3<f64>, rates: [&Vector3<f64>; 2], length: f64| {
-                let w = joint + v3 * q3 - end;
-                let (error, s) = stretch(&w, length);
-                (error, [s.dot(v3), s.dot(rates[0]), s.dot(rates[1])])
-            };
-            let ([a1, a2, a3], [t1, t2, t3], [k1, k2, k3]) = (&plate.joints_m, &plate.turns, &plate.tilts);
-            let ([b1, b2, b3], [l1, l2, l3]) = (ends_m, *lengths_m);
-            let one = link(a1, b1, [t1, k1], l1);
-            let two = link(a2, b2, [t2, k2], l2);
-            let three = link(a3, b3, [t3, k3], l3);
-            Equations { errors_m: [one.0, two.0, three.0], rows: [one.1, two.1, three.1] }
+        let measure = |&[q3, _, _]: &[f64; 3], plate: &PlateThree| {
+            let (cart, [lever1, lever2, lever3]) = (self.plates.cart_three(q3), plate.levers_m);
+            let [w1, w2, w3] = [cart + lever1 - end1, cart + lever2 - end2, cart + lever3 - end3];
+            ([w1, w2, w3], [surplus(&w1, *length1), surplus(&w2, *length2), surplus(&w3, *length3)])
         };
-        let ([q3, q5, q6], made) = newton([q3, q5, q6], plate, self.converged_m(), place, equations)
-            .map_err(|error| from_the_foot(2, along_squared, error))?;
-        Ok(((q3, q5, q6), made))
+        let rows = |plate: &PlateThree, links_m: &[Vector3<f64>; 3]| plate.drives(links_m, v3);
+        let [_, _, _, settled @ ..] = self.settled();
+        newton([q3, q5, q6], plate, &settled, place, measure, rows)
+            .map_err(|error| from_the_foot(2, along_squared, error))
     }
 }
 

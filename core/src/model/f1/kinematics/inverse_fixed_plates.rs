@@ -52,13 +52,13 @@ impl Kinematics {
             let q = [q1, q2, q3, q4, q5, q6];
             let joints = self.plates.at(&q).joints_m;
             let system = self.system(&pose, &joints);
-            if made == iterations || system.is_settled(self.converged_m()) {
+            if made == iterations || system.is_settled(&self.settled()) {
                 pose.rotation = orthonormal(&pose.rotation);
                 let links_m = self.links_between(&pose, &joints);
                 let residual_m = self.check(&links_m, &q, &self.robot.geometry().lengths_m, made)?;
                 return Ok(Solution { value: (q, pose), iterations: made, residual_m });
             }
-            self.on_their_sides(&self.links_between(&pose, &joints))?;
+            self.on_their_sides(&system.links_m)?;
             let step = self.step_of_carts(&system)?;
             if *mode.get_or_insert(step.det_is_negative) != step.det_is_negative {
                 return Err(KinematicsError::OtherBranch { arm: None });
@@ -91,13 +91,13 @@ impl Kinematics {
         Ok([fit(0, b11 - a11, v1, l11, c1)?, fit(1, b21 - a21, v2, l21, c2)?, fit(2, b31 - a31, v3, l31, c3)?])
     }
 
-    /// `e + (s . V) dq - m . dtheta = 0` for every link: the carts are eliminated by links 11, 21, 31, and with `a = s . V / s_1 . V`
+    /// `e + (w . V) dq - m . dtheta = 0` for every link, with its surplus `e`: the carts are eliminated by links 11, 21, 31, and with `a = w . V / w_1 . V`
     /// three equations `(m - a m_1) . dtheta = e - a e_1` are left.
     fn step_of_carts(&self, system: &System) -> Result<Step, KinematicsError> {
         let [v1, v2, v3] = self.plates.guideways();
-        let [s11, s21, s22, s31, s32, s33] = &system.directions;
-        let [m11, m21, m22, m31, m32, m33] = &system.moments_m;
-        let [e11, e21, e22, e31, e32, e33] = system.errors_m;
+        let [s11, s21, s22, s31, s32, s33] = &system.links_m;
+        let [m11, m21, m22, m31, m32, m33] = &system.moments();
+        let [e11, e21, e22, e31, e32, e33] = system.surpluses;
         let (d1, d2, d3) = (s11.dot(v1), s21.dot(v2), s31.dot(v3));
         let (a22, a32, a33) = (s22.dot(v2) / d2, s32.dot(v3) / d3, s33.dot(v3) / d3);
         let rows = [m22 - m21 * a22, m32 - m31 * a32, m33 - m31 * a33];

@@ -10,20 +10,21 @@ mod forward;
 mod inverse;
 mod inverse_fixed_plates;
 mod newton;
-mod plates;
+pub(in crate::model::f1) mod plates;
 mod step;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::Vector3;
+use nalgebra::{ArrayStorage, Matrix6, Vector3};
 
 use super::{AXES, Robot};
+use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULARITY_TOLERANCE, directions};
-use crate::model::linalg::{max_propagating_nan, norm, times};
+use crate::model::linalg::{are_finite, max_propagating_nan, norm, times};
 use crate::model::robot::{ARM_OF_LINK, ARMS, LINKS};
-use crate::model::statics::{LineMatrix, Lines};
+use crate::model::statics::{LineMatrix, moments};
 use crate::zip::zip;
-use plates::Plates;
+use plates::{Drives, Plates, PlatesAt};
 
 /// Convergence threshold of the residual over the machine's size; below it, iterations are limited by round-off.
 const CONVERGED: f64 = 1e-14;
@@ -106,6 +107,22 @@ impl Kinematics {
         [a11 - b11, a21 - b21, a22 - b22, a31 - b31, a32 - b32, a33 - b33]
     }
 
+    /// Returns the links as [`links_m`](Self::links_m), for known plate joints, and the levers `R b_ij` of their platform joints about the
+    /// tool centre point; metres, link order.
+    #[inline]
+    fn links_and_levers(
+        &self,
+        pose: &Pose,
+        joints_m: &[Vector3<f64>; LINKS],
+    ) -> ([Vector3<f64>; LINKS], [Vector3<f64>; LINKS]) {
+        let levers_m = self.robot.geometry().platform_joints_m.map(|joint| times(&pose.rotation, &joint));
+        let mut links_m = *joints_m;
+        for (link, lever) in links_m.iter_mut().zip(&levers_m) {
+            *link -= pose.position_m + lever;
+        }
+        (links_m, levers_m)
+    }
+
     /// `B_ij = T + R b_ij`: the platform joints, world axes, metres, link order.
     fn ends_m(&self, pose: &Pose) -> [Vector3<f64>; LINKS] {
         let joints = &self.robot.geometry().platform_joints_m;
@@ -118,23 +135,58 @@ impl Kinematics {
     /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is not finite.
     #[inline(never)]
     pub fn line_matrix(&self, pose: &Pose, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
-        // Borrowed: moving half a kilobyte out of the `Result` would put a second copy on the stack. The steps are not inlined, so that
-        // their stack use does not add up.
-        let lines = self.lines(pose, q);
-        lines.as_ref().map_err(|error| *error)?.factored()
+        self.line_matrix_of(pose, &self.plates.at(q))
     }
 
-    #[inline(never)]
-    fn lines(&self, pose: &Pose, q: &[f64; AXES]) -> Result<Lines<AXES>, KinematicsError> {
+    /// Plates at these positions.
+    pub(super) fn place(&self, q: &[f64; AXES]) -> PlatesAt<'_> {
+        self.plates.at(q)
+    }
+
+    /// As [`line_matrix`](Self::line_matrix), with plates that are placed.
+    pub(super) fn line_matrix_of(
+        &self,
+        pose: &Pose,
+        plates: &PlatesAt<'_>,
+    ) -> Result<LineMatrix<AXES>, KinematicsError> {
+        let (links_m, levers_m) = &self.links_and_levers(pose, &plates.joints_m);
+        let directions = directions(links_m)?;
+        LineMatrix::new(&directions, &plates.drives(&directions).rows(), levers_m)
+    }
+
+    /// Returns the Jacobian: the platform's twist (translation of the tool centre point over rotation, world axes) per axis; metres and
+    /// radians per q-unit. As [`line_matrix`](Self::line_matrix) and [`LineMatrix::jacobian`], without the parts that forces need.
+    ///
+    /// # Errors
+    /// As [`line_matrix`](Self::line_matrix).
+    pub fn jacobian(&self, pose: &Pose, q: &[f64; AXES]) -> Result<Matrix6<f64>, KinematicsError> {
         let plates = self.plates.at(q);
-        let directions = directions(&self.links_between(pose, &plates.joints_m))?;
-        let joints = &self.robot.geometry().platform_joints_m;
-        Ok(Lines::new(&directions, &plates.drives(&directions), joints, pose))
+        // Rows of any length: the links' cancel.
+        let (links_m, levers_m) = &self.links_and_levers(pose, &plates.joints_m);
+        let Some(factors) = BlockFactors::new(links_m, &moments(levers_m, links_m)) else {
+            return self.line_matrix(pose, q)?.jacobian();
+        };
+        let Drives { one, two: [row21, row22], three: [row31, row32, row33] } = plates.drives(links_m);
+        let ([d21, t21], [d22, t22]) = (row21, row22);
+        let ([d31, t31, k31], [d32, t32, k32], [d33, t33, k33]) = (row31, row32, row33);
+        let columns = [
+            factors.solve_arm::<0>(one, [0.0; 3]),
+            factors.solve_arm::<1>(d21, [d22, 0.0, 0.0]),
+            factors.solve_arm::<2>(d31, [0.0, d32, d33]),
+            factors.solve_arm::<1>(t21, [t22, 0.0, 0.0]),
+            factors.solve_arm::<2>(t31, [0.0, t32, t33]),
+            factors.solve_arm::<2>(k31, [0.0, k32, k33]),
+        ];
+        let jacobian = columns.map(|(x, y)| [x.x, x.y, x.z, y.x, y.y, y.z]);
+        if !are_finite(jacobian.as_flattened()) {
+            return Err(KinematicsError::NotFinite);
+        }
+        Ok(Matrix6::from_data(ArrayStorage(jacobian)))
     }
 
-    /// Convergence threshold of a link's error, metres.
-    const fn converged_m(&self) -> f64 {
-        CONVERGED * self.size_m
+    /// Convergence threshold of each link's surplus, square metres.
+    fn settled(&self) -> [f64; LINKS] {
+        self.robot.geometry().lengths_m.map(|length| CONVERGED * self.size_m * length)
     }
 
     /// Last check of every solution, found after `iterations`: links of the right length, axes inside their travel, arms on their side.
@@ -228,12 +280,10 @@ fn within(q: f64, (lower, upper): &(f64, f64)) -> bool {
     *lower <= q && q <= *upper
 }
 
-/// Error of a link's length to first order, `(|w|^2 - L^2) / 2L`, and its gradient `w / L`; needs no root.
+/// Surplus of a link, `(|w|^2 - L^2) / 2`: its error times its length, to first order; square metres. Needs no root.
 #[inline]
-fn stretch(link_m: &Vector3<f64>, length_m: f64) -> (f64, Vector3<f64>) {
-    let per_length = 1.0 / length_m;
-    let error = (link_m.dot(link_m) - length_m * length_m) * 0.5 * per_length;
-    (error, link_m * per_length)
+fn surplus(link_m: &Vector3<f64>, length_m: f64) -> f64 {
+    (link_m.dot(link_m) - length_m * length_m) * 0.5
 }
 
 /// Largest deviation of a link's length, metres; NaN where one is.

@@ -5,11 +5,21 @@ use nalgebra::Vector3;
 use crate::model::block_solve::Inverse;
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, SINGULARITY_TOLERANCE};
 use crate::model::lu::Lu;
+use crate::zip::zip;
 
-/// Equations, evaluated: errors (metres), and their derivatives (row per error, metres per unit).
+/// Equations, evaluated: errors, and their derivatives (row per error).
 pub(super) struct Equations<const K: usize> {
-    pub(super) errors_m: [f64; K],
-    pub(super) rows: [[f64; K]; K],
+    errors: [f64; K],
+    rows: [[f64; K]; K],
+}
+
+/// Answer of the iteration, not yet checked.
+pub(super) struct Answer<W, const K: usize> {
+    pub(super) unknowns: [f64; K],
+    /// Links at the unknowns, metres.
+    pub(super) links_m: W,
+    /// Linear solves made.
+    pub(super) made: u8,
 }
 
 /// Solve for the unknowns that remove the errors to first order; `None` near a singularity, and for NaN.
@@ -20,7 +30,7 @@ pub(super) trait Solve<const K: usize> {
 impl Solve<2> for Equations<2> {
     #[inline]
     fn solve(&self) -> Option<[f64; 2]> {
-        let ([[a, b], [c, d]], [e1, e2]) = (self.rows, self.errors_m);
+        let ([[a, b], [c, d]], [e1, e2]) = (self.rows, self.errors);
         let determinant = a * d - b * c;
         let lengths_squared = (a * a + b * b) * (c * c + d * d);
         let least_squared = SINGULARITY_TOLERANCE * SINGULARITY_TOLERANCE * lengths_squared;
@@ -34,31 +44,33 @@ impl Solve<3> for Equations<3> {
     fn solve(&self) -> Option<[f64; 3]> {
         let rows = self.rows.map(Vector3::from);
         let inverse = Inverse::of_rows(rows.each_ref())?;
-        Some(inverse.times(self.errors_m).into())
+        Some(inverse.times(self.errors).into())
     }
 }
 
-/// Returns unknowns for which every error is at most `converged_m`, or those after [`COLD_ITERATIONS`] solves, and the solves made.
-/// The caller checks them.
+/// Returns unknowns for which every error is at most its `settled`, or those after [`COLD_ITERATIONS`] solves. The caller checks them.
 ///
-/// `place` computes the quantities that the equations share, and `placed` are those of `start`.
-pub(super) fn newton<P, const K: usize>(
+/// `place` places the plates, and `placed` is where they start; `measure` returns the links and their errors; `rows` the derivatives of
+/// the errors, which the last round does not need.
+pub(super) fn newton<P, W, const K: usize>(
     start: [f64; K],
     placed: P,
-    converged_m: f64,
+    settled: &[f64; K],
     place: impl Fn(&[f64; K]) -> P,
-    evaluate: impl Fn(&[f64; K], &P) -> Equations<K>,
-) -> Result<([f64; K], u8), KinematicsError>
+    measure: impl Fn(&[f64; K], &P) -> (W, [f64; K]),
+    rows: impl Fn(&P, &W) -> [[f64; K]; K],
+) -> Result<Answer<W, K>, KinematicsError>
 where
     Equations<K>: Solve<K>,
 {
-    let (mut unknowns, mut placed) = (start, placed);
-    for made in 0..COLD_ITERATIONS {
-        let equations = evaluate(&unknowns, &placed);
+    let (mut unknowns, mut placed, mut made) = (start, placed, 0);
+    loop {
+        let (links_m, errors) = measure(&unknowns, &placed);
         // Not true for NaN, which the factors then refuse.
-        if (equations.errors_m.iter()).all(|error| error.abs() <= converged_m) {
-            return Ok((unknowns, made));
+        if made == COLD_ITERATIONS || zip(&errors, settled).all(|(error, most)| error.abs() <= *most) {
+            return Ok(Answer { unknowns, links_m, made });
         }
+        let equations = Equations { errors, rows: rows(&placed, &links_m) };
         let step = match equations.solve() {
             Some(step) => step,
             None => by_pivots(&equations)?,
@@ -67,13 +79,13 @@ where
             *unknown -= change;
         }
         placed = place(&unknowns);
+        made = made.saturating_add(1);
     }
-    Ok((unknowns, COLD_ITERATIONS))
 }
 
 /// Pivoting solve, where the determinant is small.
 #[cold]
 #[inline(never)]
 fn by_pivots<const K: usize>(equations: &Equations<K>) -> Result<[f64; K], KinematicsError> {
-    Ok(Lu::factor(&equations.rows)?.solve(&equations.errors_m))
+    Ok(Lu::factor(&equations.rows)?.solve(&equations.errors))
 }

@@ -1,4 +1,4 @@
-//! One Newton step of the platform: `s . dT + m . dtheta = e` for every link, with `m = l x s`.
+//! One Newton step of the platform: `w . dT + (l x w) . dtheta = (|w|^2 - L^2) / 2` for every link.
 //!
 //! Two blocks of three instead of one system of six; where either is near singular a pivoting solve of all six decides.
 
@@ -8,17 +8,18 @@ use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::KinematicsError;
 use crate::model::lu::Lu;
 use crate::model::robot::LINKS;
-use crate::model::statics::rows;
+use crate::model::statics::{moments, rows};
+use crate::zip::zip;
 
 /// The system, row by row in link order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct System {
-    /// `s_ij`: from platform to plate, to first order of unit length.
-    pub(super) directions: [Vector3<f64>; LINKS],
-    /// `l_ij x s_ij`, metres.
-    pub(super) moments_m: [Vector3<f64>; LINKS],
-    /// `e_ij`: error of each link's length, metres.
-    pub(super) errors_m: [f64; LINKS],
+    /// `w_ij`: from platform to plate, metres.
+    pub(super) links_m: [Vector3<f64>; LINKS],
+    /// `l_ij = R b_ij`: from the tool centre point to the platform joint, metres.
+    pub(super) levers_m: [Vector3<f64>; LINKS],
+    /// Surplus of each link, see [`surplus`](super::surplus).
+    pub(super) surpluses: [f64; LINKS],
 }
 
 /// Its solution.
@@ -33,12 +34,16 @@ pub(super) struct Step {
 }
 
 impl System {
-    /// True if every link has its length; false for NaN.
+    /// True if every surplus is at most its `settled`; false for NaN.
     #[inline]
-    pub(super) fn is_settled(&self, converged_m: f64) -> bool {
-        let [e11, e21, e22, e31, e32, e33] = &self.errors_m;
-        let within = |error: &f64| error.abs() <= converged_m;
-        within(e11) && within(e21) && within(e22) && within(e31) && within(e32) && within(e33)
+    pub(super) fn is_settled(&self, settled: &[f64; LINKS]) -> bool {
+        zip(&self.surpluses, settled).all(|(surplus, most)| surplus.abs() <= *most)
+    }
+
+    /// `l_ij x w_ij`.
+    #[inline]
+    pub(super) fn moments(&self) -> [Vector3<f64>; LINKS] {
+        moments(&self.levers_m, &self.links_m)
     }
 
     /// # Errors
@@ -53,16 +58,16 @@ impl System {
 
     #[inline]
     fn solve_block(&self) -> Option<Step> {
-        let factors = BlockFactors::new(&self.directions, &self.moments_m)?;
-        let (translation_m, rotation_rad) = factors.solve(&self.errors_m);
+        let factors = BlockFactors::new(&self.links_m, &self.moments())?;
+        let (translation_m, rotation_rad) = factors.solve(&self.surpluses);
         Some(Step { translation_m, rotation_rad, det_is_negative: factors.det_is_negative() })
     }
 
     #[cold]
     #[inline(never)]
     fn solve_full(&self) -> Result<Step, KinematicsError> {
-        let factors = Lu::factor(&rows(&self.directions, &self.moments_m))?;
-        let [x, y, z, a, b, c] = factors.solve(&self.errors_m);
+        let factors = Lu::factor(&rows(&self.links_m, &self.moments()))?;
+        let [x, y, z, a, b, c] = factors.solve(&self.surpluses);
         Ok(Step {
             translation_m: Vector3::new(x, y, z),
             rotation_rad: Vector3::new(a, b, c),
@@ -81,16 +86,12 @@ mod tests {
         /// Two systems of three, or one of six: the same step, and the same side of the singularity.
         #[test]
         fn two_systems_of_three_are_the_one(
-            directions in prop::array::uniform6(prop::array::uniform3(-1.0..1.0_f64)),
+            links in prop::array::uniform6(prop::array::uniform3(-1.0..1.0_f64)),
             levers in prop::array::uniform6(prop::array::uniform3(-1.0..1.0_f64)),
-            errors_m in prop::array::uniform6(-1.0..1.0_f64),
+            surpluses in prop::array::uniform6(-1.0..1.0_f64),
         ) {
-            let directions = directions.map(Vector3::from);
-            let mut moments_m = levers.map(Vector3::from);
-            for (m, s) in moments_m.iter_mut().zip(&directions) {
-                *m = m.cross(s);
-            }
-            let system = System { directions, moments_m, errors_m };
+            let (links_m, levers_m) = (links.map(Vector3::from), levers.map(Vector3::from));
+            let system = System { links_m, levers_m, surpluses };
             let (Some(two), Ok(one)) = (system.solve_block(), system.solve_full()) else {
                 return Ok(());
             };
@@ -104,12 +105,10 @@ mod tests {
 
     #[test]
     fn dependent_links_are_singular() {
-        let directions = [Vector3::x(); LINKS];
-        let moments_m = [Vector3::z(); LINKS];
-        let system = System { directions, moments_m, errors_m: [0.0; LINKS] };
+        let system =
+            System { links_m: [Vector3::x(); LINKS], levers_m: [Vector3::y(); LINKS], surpluses: [0.0; LINKS] };
         assert!(matches!(system.solve(), Err(KinematicsError::Singular { .. })));
-        let directions = [Vector3::x() * f64::NAN; LINKS];
-        let system = System { directions, ..system };
+        let system = System { links_m: [Vector3::x() * f64::NAN; LINKS], ..system };
         assert_eq!(system.solve().unwrap_err(), KinematicsError::NotFinite);
     }
 }

@@ -74,8 +74,7 @@ fn the_jacobian_is_the_derivative() {
         let machine = kinematics(geometry);
         let at = pose([0.1, -0.1, 0.4, 0.1, -0.05, 0.15]);
         let q = machine.inverse(&at, None).unwrap().value;
-        let lines = machine.line_matrix(&at, &q).unwrap();
-        let jacobian = lines.jacobian().unwrap();
+        let jacobian = machine.jacobian(&at, &q).unwrap();
         for axis in 0..AXES {
             let moved = |by: f64| {
                 let mut q = q;

@@ -34,8 +34,9 @@ proptest! {
         let motion = transposed.solve(&-Vector6::from(elongations)).unwrap();
         close(&lines.displacement(&[0.0; AXES], &elongations).unwrap(), motion.as_slice(), 1e-9, "dx");
         let directions = kinematics.links_m(&pose, &q).map(|link| link / norm(&link));
-        let drives = kinematics.plates.at(&q).drives(&directions);
+        let drives = kinematics.plates.at(&q).drives(&directions).rows();
         let jacobian = transposed.solve(&Matrix6::from_fn(|row, column| drives[row][column])).unwrap();
         close(lines.jacobian().unwrap().as_slice(), jacobian.as_slice(), 1e-9, "J");
+        close(kinematics.jacobian(&pose, &q).unwrap().as_slice(), jacobian.as_slice(), 1e-9, "J, without forces");
     }
 }
