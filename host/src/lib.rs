@@ -34,7 +34,7 @@ pub mod model;
 pub mod monitor;
 pub mod plan;
 pub mod plant;
-mod plots;
+pub mod plots;
 pub mod publication;
 pub mod readers;
 pub mod realtime;

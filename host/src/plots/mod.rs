@@ -5,7 +5,7 @@ pub(crate) mod over_time;
 pub(crate) mod page;
 pub(crate) mod phases;
 
-pub(crate) use plotters::chart::SeriesLabelPosition as Corner;
+pub use plotters::chart::SeriesLabelPosition as Corner;
 use plotters::prelude::*;
 
 /// Size of a plot, px.
@@ -21,51 +21,60 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 0, 0),
 ];
 /// One curve.
-pub(crate) struct Curve {
-    pub(crate) name: String,
-    pub(crate) points: Vec<(f64, f64)>,
+pub struct Curve {
+    /// Name in the key; empty: none.
+    pub name: String,
+    /// Points, x and y.
+    pub points: Vec<(f64, f64)>,
     /// Draws dots at the points.
-    pub(crate) dots: bool,
+    pub dots: bool,
     /// Draws no line between the points.
-    pub(crate) no_line: bool,
+    pub no_line: bool,
     /// Number of its colour; without one, its place among the curves.
-    pub(crate) colour: Option<usize>,
+    pub colour: Option<usize>,
 }
 
 impl Curve {
     /// Creates a line.
-    pub(crate) fn line(name: &str, points: Vec<(f64, f64)>) -> Self {
+    pub fn line(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.to_owned(), points, dots: false, no_line: false, colour: None }
     }
 
     /// Creates dots without a line.
-    pub(crate) fn dots(name: &str, points: Vec<(f64, f64)>) -> Self {
+    pub fn dots(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { dots: true, no_line: true, ..Self::line(name, points) }
     }
 }
 
 /// A coloured stretch of the x axis.
-pub(crate) struct Band {
-    pub(crate) from: f64,
-    pub(crate) to: f64,
-    pub(crate) colour: RGBColor,
+pub struct Band {
+    /// Lower end.
+    pub from: f64,
+    /// Upper end.
+    pub to: f64,
+    /// Colour.
+    pub colour: RGBColor,
 }
 
 /// Axes, curves and bands of a plot.
-pub(crate) struct Plot {
-    pub(crate) x_axis: &'static str,
-    pub(crate) y_axis: &'static str,
-    pub(crate) curves: Vec<Curve>,
-    pub(crate) bands: Vec<Band>,
+pub struct Plot {
+    /// Text of the x axis.
+    pub x_axis: &'static str,
+    /// Text of the y axis.
+    pub y_axis: &'static str,
+    /// Curves.
+    pub curves: Vec<Curve>,
+    /// Bands behind them.
+    pub bands: Vec<Band>,
     /// Names for integer values of y; empty for numbers.
-    pub(crate) y_names: Vec<&'static str>,
+    pub y_names: Vec<&'static str>,
     /// Corner for the names of the curves.
-    pub(crate) key: Corner,
+    pub key: Corner,
 }
 
 impl Plot {
     /// Returns the plot as an `<svg>` element.
-    pub(crate) fn svg(&self) -> String {
+    pub fn svg(&self) -> String {
         let mut svg = String::new();
         if let Err(error) = self.draw(&mut svg) {
             return format!("<p>This plot could not be drawn: {error}</p>");

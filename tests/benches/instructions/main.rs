@@ -4,6 +4,7 @@
 //! cargo bench -p gantry-tau-tests --bench instructions              # counts, and compares with counts.toml
 //! cargo bench -p gantry-tau-tests --bench instructions -- --write   # writes counts.toml anew
 //! cargo bench -p gantry-tau-tests --bench instructions -- --arithmetic   # how many of them compute (needs objdump, too)
+//! cargo bench -p gantry-tau-tests --bench instructions -- --growth  # how they grow; draws docs/cost-*.svg
 //! ```
 //!
 //! The committed counts are those of rustc 1.95; another compiler may differ by more than 5 %.
@@ -17,6 +18,7 @@
 
 mod arithmetic;
 mod calls;
+mod growth;
 #[path = "../setup/mod.rs"]
 mod setup;
 
@@ -33,7 +35,10 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     if let [run, name] = arguments.as_slice() {
         if run == "--run" {
-            calls::run(name);
+            match name.split_once(':') {
+                Some((series, parameter)) => growth::run(series, parameter),
+                None => calls::run(name),
+            }
             return ExitCode::SUCCESS;
         }
     }
@@ -43,6 +48,10 @@ fn main() -> ExitCode {
     }
     if arguments.iter().any(|argument| argument == "--arithmetic") {
         arithmetic::report();
+        return ExitCode::SUCCESS;
+    }
+    if arguments.iter().any(|argument| argument == "--growth") {
+        growth::draw();
         return ExitCode::SUCCESS;
     }
     let counts: BTreeMap<&str, u64> = calls::CALLS.iter().map(|call| (call.name, count(call.name))).collect();

@@ -4,6 +4,7 @@ use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
+use gantry_tau_core::control::session::recorder::SEGMENTS;
 use gantry_tau_core::control::session::{BlackBox, Connection, Session, Start, TickInput};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::model::compensation::CompensatorConfig;
@@ -36,12 +37,16 @@ fn config<const N: usize>() -> CompensatorConfig<N> {
 
 /// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
 pub(crate) fn six() -> (f1::Kinematics, Pose, [f64; 6], Pose) {
+    six_from(1e-3)
+}
+
+/// The F1 in a pose, and one that is `distance` away, in metres and in radians.
+pub(crate) fn six_from(distance: f64) -> (f1::Kinematics, Pose, [f64; 6], Pose) {
     let kinematics = robots::f1(robots::f1_geometry()).unwrap();
     let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
     let pose = Pose { position_m: Vector3::new(0.1, -0.1, 0.4), rotation: turn(0.02, -0.15, 0.2) };
     let q = kinematics.inverse(&pose, None).unwrap().value;
-    // A thousandth in all: metres, and radians.
-    let third = 1e-3 / 3.0_f64.sqrt();
+    let third = distance / 3.0_f64.sqrt();
     let before = Pose {
         position_m: pose.position_m + Vector3::new(third, -third, third),
         rotation: turn(third, third, -third) * pose.rotation,
@@ -49,26 +54,32 @@ pub(crate) fn six() -> (f1::Kinematics, Pose, [f64; 6], Pose) {
     (kinematics, pose, q, before)
 }
 
-/// A server of six axes and nine motors in Obtain.
-pub(crate) struct Server {
-    pub(crate) endpoint: Endpoint<6, 9>,
-    pub(crate) black_box: Box<BlackBox<6, 64>>,
+/// Ticks of a segment of the black box.
+const HALF: usize = 4;
+
+/// A server in Obtain.
+pub(crate) struct Server<const N: usize, const MOTORS: usize> {
+    pub(crate) endpoint: Endpoint<N, MOTORS>,
+    pub(crate) black_box: Box<BlackBox<N, HALF>>,
     pub(crate) connection: Connection,
     sequence: u64,
 }
 
-impl Server {
-    pub(crate) fn in_obtain() -> Self {
+impl<const N: usize, const MOTORS: usize> Server<N, MOTORS> {
+    /// A server whose motors drive these axes.
+    pub(crate) fn in_obtain(motors: [usize; MOTORS]) -> Self {
         let limits = server_fixture::limits(2_000_000, 5_000, 10_000, 100);
         let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
-        let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
-        let session = Session::new(config, &Start::at_rest([PositionNm(0); 6])).unwrap();
-        let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).unwrap();
+        let config = Config::new(Parameters::thesis([axis; N])).unwrap();
+        let session = Session::new(config, &Start::at_rest([PositionNm(0); N])).unwrap();
+        let motors = MotorMap::new(motors).unwrap();
         let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Stream).unwrap();
         let mut server = Self { endpoint, black_box: Box::new(BlackBox::new()), connection, sequence: 0 };
-        server.cycle(&encode_client(&hello::<6>()));
-        for mode in [Mode::Submit, Mode::Obtain, Mode::Obtain] {
+        server.cycle(&encode_client(&hello::<N>()));
+        // Until the black box has been full once, as it is for the life of a server but its first moments.
+        let obtain = std::iter::repeat_n(Mode::Obtain, SEGMENTS * HALF);
+        for mode in std::iter::once(Mode::Submit).chain(obtain) {
             let command = server.command(mode);
             server.cycle(&encode_client(&ClientMessage::Command(command)));
         }
@@ -76,7 +87,7 @@ impl Server {
         server
     }
 
-    pub(crate) fn command(&mut self, mode: Mode) -> Command<6> {
+    pub(crate) fn command(&mut self, mode: Mode) -> Command<N> {
         self.sequence += 1;
         let discrete = &self.endpoint.session().parts().discrete;
         let target = Offsets { position: OffsetNm(123_456), ..Offsets::default() };
@@ -85,7 +96,7 @@ impl Server {
             sequence: Sequence(self.sequence),
             echo: discrete.tick,
             mode,
-            targets: [target; 6],
+            targets: [target; N],
         }
     }
 
@@ -95,12 +106,13 @@ impl Server {
     }
 }
 
-pub(crate) fn on_time() -> TickInput<6> {
-    server_fixture::on_time([PositionNm(0); 6])
+pub(crate) fn on_time<const N: usize>() -> TickInput<N> {
+    server_fixture::on_time([PositionNm(0); N])
 }
 
-pub(crate) fn a_command() -> (Server, Command<6>) {
-    let mut server = Server::in_obtain();
+/// A server of six axes and nine motors in Obtain, and the next command of its client.
+pub(crate) fn a_command() -> (Server<6, 9>, Command<6>) {
+    let mut server = Server::in_obtain([0, 0, 1, 1, 2, 2, 3, 4, 5]);
     let command = server.command(Mode::Obtain);
     (server, command)
 }

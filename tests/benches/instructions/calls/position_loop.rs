@@ -3,6 +3,7 @@
 use std::hint::black_box;
 
 use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
 use gantry_tau_core::control::position_loop::{LoopInput, Permit, PositionLoop, PositionLoops};
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
@@ -27,6 +28,13 @@ fn config() -> LoopConfig {
     .unwrap()
 }
 
+/// The same without integral and torque: proportional term and velocity feed-forward.
+fn config_of_velocity() -> LoopConfig {
+    let values = *config().values();
+    let (torque_feed_forward, integral, integral_max, torque) = (0, 0, 0, Limits::DISABLED);
+    LoopConfig::new(LoopValues { torque_feed_forward, integral, integral_max, torque, ..values }).unwrap()
+}
+
 /// Input of a loop at a tick of a path of 0.1 m/s, some micrometres behind it.
 fn input(tick: i64, permit: Permit) -> LoopInput {
     let position = PositionNm(tick * 100_000);
@@ -34,16 +42,32 @@ fn input(tick: i64, permit: Permit) -> LoopInput {
     LoopInput { reference, actual: Some(PositionNm(position.0 - 305_000)), permit }
 }
 
+/// An input after which no reference is where it was: further behind, and with another torque.
+fn disturbed(input: LoopInput) -> LoopInput {
+    let LoopInput { reference, actual, permit } = input;
+    let position = PositionNm(reference.position.0 + 1_000);
+    let actual = actual.map(|actual| PositionNm(actual.0 - 70_000));
+    LoopInput { reference: Reference { position, torque_offset: TorquePermille(5), ..reference }, actual, permit }
+}
+
 /// One axis that follows with every term, in motion.
 pub(super) fn axis() {
-    let config = config();
+    follow(config());
+}
+
+/// One axis that follows without integral and torque.
+pub(super) fn axis_of_velocity() {
+    follow(config_of_velocity());
+}
+
+fn follow(config: LoopConfig) {
     let mut axis = PositionLoop::at_rest(PositionNm(0));
     let mut given = input(0, Permit::Rearm);
     for tick in 0..20 {
         axis.tick(&config, &given);
         given = input(tick, Permit::Run);
     }
-    let (mut axis, config, given) = black_box((axis, config, given));
+    let (mut axis, config, given) = black_box((axis, config, disturbed(given)));
     let reference = black_box(measured(|| axis.tick(&config, &given)));
     assert!(reference.velocity.0 > 0 && axis.stop().is_none());
 }
@@ -55,7 +79,7 @@ pub(super) fn six_axes() {
         loops.tick(&inputs, true);
         inputs = [input(tick, Permit::Run); 6];
     }
-    let (mut loops, inputs) = black_box((loops, inputs));
+    let (mut loops, inputs) = black_box((loops, inputs.map(disturbed)));
     black_box(measured(|| loops.tick(&inputs, true)));
     assert!(loops.is_running());
 }
