@@ -106,6 +106,13 @@ pub fn tracker_is_checked(kinematics: &f1::Kinematics, near: &Pose, wild: &[Six]
 /// T14, for a whole cycle of six axes, by either map. Tested.
 pub fn cycles_are_bounded(compensator: &f1::Compensator, pose: &Pose, q: &Six, load: &Wrench) {
     let config = compensator.config();
-    cycle_is_bounded(config, compensator.correct_at(pose, q, load), load);
+    let correction = compensator.correct_at(pose, q, load);
+    if let Ok(lines) = compensator.machine().kinematics().line_matrix(pose, q) {
+        assert!(
+            compensator.correct_of(&lines, pose, q, load) == correction,
+            "T14: the same correction, from its lines"
+        );
+    }
+    cycle_is_bounded(config, correction, load);
     cycle_is_bounded(config, compensator.correct_exact_at(pose, q, load), load);
 }

@@ -173,7 +173,8 @@ pub extern "C" fn client_of_six(
         let jacobian = lines.and_then(|lines| Ok(lines.jacobian()? + kinematics.jacobian(&pose.value, &there.value)?));
         let compliance = lines.and_then(|lines| lines.compliance(&compliances));
         let correction = compensator.correct(nominal, &load);
-        let at = compensator.correct_at(&pose.value, &there.value, &load);
+        let at = lines.and_then(|lines| compensator.correct_of(&lines, &pose.value, &there.value, &load));
+        let at = at.or(compensator.correct_at(&pose.value, &there.value, &load));
         let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
         let sum = f64::from(robot.kinematics_checksum())
             + jacobian.map_or(0.0, |jacobian| jacobian.sum())

@@ -4,7 +4,7 @@ use super::{AXES, Elastic, Kinematics, PoseTracker};
 use crate::model::compensation::{CompensatorConfig, CompensatorError, Correction};
 use crate::model::kinematics::{KinematicsError, Pose, Solution};
 use crate::model::robot::Compliances;
-use crate::model::statics::Wrench;
+use crate::model::statics::{LineMatrix, Wrench};
 use crate::units::PositionNm;
 
 /// Compensator of an F1, with gain, limits and units; tracks the pose of the nominal positions from cycle to cycle.
@@ -96,6 +96,21 @@ impl Compensator {
     /// As [`Elastic::command`].
     pub fn correct_at(&self, pose: &Pose, q: &[f64; AXES], load: &Wrench) -> Result<Correction<AXES>, KinematicsError> {
         let command = self.machine.command(pose, q, load, self.config.gain)?;
+        self.config.bounded(q, &command)
+    }
+
+    /// As [`correct_at`](Self::correct_at), where the line matrix at the pose is known: for a cycle that computes forces as well.
+    ///
+    /// # Errors
+    /// As [`Elastic::command_of`].
+    pub fn correct_of(
+        &self,
+        lines: &LineMatrix<AXES>,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Correction<AXES>, KinematicsError> {
+        let command = self.machine.command_of(lines, pose, q, load, self.config.gain)?;
         self.config.bounded(q, &command)
     }
 

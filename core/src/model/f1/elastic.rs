@@ -5,12 +5,15 @@ use super::{AXES, Kinematics};
 use crate::model::kinematics::{COLD_ITERATIONS, KinematicsError, Pose, Solution};
 use crate::model::linalg::{max_propagating_nan, product, rotation_from_vector};
 use crate::model::robot::{Compliances, LINKS};
-use crate::model::statics::{Wrench, finite};
+use crate::model::statics::{LineMatrix, Wrench, finite};
 use crate::model::stiffness::{Displacement, Yielding};
 use crate::zip::zip;
 
 /// Largest change of a link length in the last round of the exact map, metres.
 const SETTLED_M: f64 = 1e-12;
+
+/// Displacements of the axes (q-units), and of the platform by the links alone.
+type Displaced = ([f64; AXES], Displacement);
 
 /// An F1 with its springs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,29 +57,57 @@ impl Elastic {
     ) -> Result<[f64; AXES], KinematicsError> {
         // Placed once: the inverse starts from them.
         let plates = self.kinematics.place(q);
-        let (carts, links) = self.yielding(pose, &plates, load)?;
+        let displaced = self.displaced(pose, &plates, load)?;
+        self.against(&displaced, pose, q, &plates, gain)
+    }
+
+    /// As [`command`](Self::command), where the line matrix at `pose` is known.
+    ///
+    /// # Errors
+    /// As [`command`](Self::command).
+    pub fn command_of(
+        &self,
+        lines: &LineMatrix<AXES>,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+        gain: f64,
+    ) -> Result<[f64; AXES], KinematicsError> {
+        let displaced = self.displaced_of(lines, load)?;
+        self.against(&displaced, pose, q, &self.kinematics.place(q), gain)
+    }
+
+    /// Command against the share `gain` of displacements.
+    #[inline(never)]
+    fn against(
+        &self,
+        (carts, links): &Displaced,
+        pose: &Pose,
+        q: &[f64; AXES],
+        plates: &PlatesAt<'_>,
+        gain: f64,
+    ) -> Result<[f64; AXES], KinematicsError> {
         let turn = rotation_from_vector(&(links.rotation_rad * -gain)).ok_or(KinematicsError::NotFinite)?;
         let corrected =
             Pose { position_m: pose.position_m - links.translation_m * gain, rotation: product(&turn, &pose.rotation) };
-        let mut command = self.kinematics.inverse_from(&corrected, q, &plates)?.value;
+        let mut command = self.kinematics.inverse_from(&corrected, q, plates)?.value;
         for (command, yielding) in command.iter_mut().zip(carts) {
             *command -= gain * yielding;
         }
         Ok(command)
     }
 
-    /// Displacements of the axes (q-units), and of the platform by the links alone. Not inlined, so that its matrices have left the stack
-    /// when the inverse begins.
+    /// Not inlined, so that its matrices have left the stack when the inverse begins.
     #[inline(never)]
-    fn yielding(
-        &self,
-        pose: &Pose,
-        plates: &PlatesAt<'_>,
-        load: &Wrench,
-    ) -> Result<([f64; AXES], Displacement), KinematicsError> {
+    fn displaced(&self, pose: &Pose, plates: &PlatesAt<'_>, load: &Wrench) -> Result<Displaced, KinematicsError> {
         // Borrowed: moving the matrix out of the `Result` would put a second copy on the stack.
         let lines = self.kinematics.line_matrix_of(pose, plates);
         let lines = lines.as_ref().map_err(|error| *error)?;
+        self.displaced_of(lines, load)
+    }
+
+    #[inline]
+    fn displaced_of(&self, lines: &LineMatrix<AXES>, load: &Wrench) -> Result<Displaced, KinematicsError> {
         let Yielding { carts, elongations_m } = lines.yielding(&self.compliances, load)?;
         Ok((carts, lines.displacement_by_links(&elongations_m)?))
     }

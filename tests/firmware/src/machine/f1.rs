@@ -5,7 +5,7 @@ use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, Solution};
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
-use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 
 use super::{AXES, Pose6, SetupError, robots};
 
@@ -61,8 +61,12 @@ impl F1 {
 
     /// Ends a cycle, under this load.
     pub(crate) fn carry(&mut self, load: &Wrench) -> Result<&F1Result, KinematicsError> {
-        self.find_statics(load)?;
-        self.find_correction(load)?;
+        let kinematics = self.compensator.machine().kinematics();
+        // Borrowed: moving the matrix out of the `Result` would put a second copy on the stack.
+        let lines = kinematics.line_matrix(&self.result.pose.value, &self.result.q.value);
+        let lines = lines.as_ref().map_err(|error| *error)?;
+        self.find_statics(lines, load)?;
+        self.find_correction(lines, load)?;
         Ok(&self.result)
     }
 
@@ -84,13 +88,8 @@ impl F1 {
 
     /// Computes link tensions, loads of the axes, twist over axes.
     #[inline(never)]
-    fn find_statics(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
+    fn find_statics(&mut self, lines: &LineMatrix<AXES>, load: &Wrench) -> Result<(), KinematicsError> {
         let result = &mut self.result;
-        let (pose, q) = (&result.pose.value, &result.q.value);
-        let kinematics = self.compensator.machine().kinematics();
-        // Borrowed: moving the 1 KB matrix out of the `Result` would put a second copy on the stack.
-        let lines = kinematics.line_matrix(pose, q);
-        let lines = lines.as_ref().map_err(|error| *error)?;
         result.forces_n = lines.link_forces_n(load)?;
         result.loads = lines.cart_loads(&result.forces_n);
         result.jacobian = lines.jacobian()?;
@@ -99,10 +98,10 @@ impl F1 {
 
     /// Computes the offsets that hold the pose under the load.
     #[inline(never)]
-    fn find_correction(&mut self, load: &Wrench) -> Result<(), KinematicsError> {
+    fn find_correction(&mut self, lines: &LineMatrix<AXES>, load: &Wrench) -> Result<(), KinematicsError> {
         let result = &mut self.result;
         let (pose, q) = (&result.pose.value, &result.q.value);
-        result.correction = self.compensator.correct_at(pose, q, load)?;
+        result.correction = self.compensator.correct_of(lines, pose, q, load)?;
         Ok(())
     }
 }

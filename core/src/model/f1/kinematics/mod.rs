@@ -90,7 +90,7 @@ impl Kinematics {
     /// Returns the largest error of the six link lengths in this pose with these positions, metres; NaN when a number given is NaN.
     #[must_use]
     pub fn residual_m(&self, pose: &Pose, q: &[f64; AXES]) -> f64 {
-        largest_error(&self.links_m(pose, q), &self.robot.geometry().lengths_m)
+        largest(&self.links_m(pose, q), &self.robot.geometry().lengths_m, |link, length| norm(link) - length)
     }
 
     /// Returns the links `A_ij - B_ij`, from platform joint to plate joint, world axes, metres, link order.
@@ -199,7 +199,8 @@ impl Kinematics {
         lengths_m: &[f64; LINKS],
         iterations: u8,
     ) -> Result<f64, KinematicsError> {
-        let residual_m = largest_error(links_m, lengths_m);
+        // To first order: of an error that may stand, a billionth of the length, the rest is a billionth. Roots are long without hardware.
+        let residual_m = largest(links_m, lengths_m, |link, length| surplus(link, *length) / length);
         if !residual_m.is_finite() {
             return Err(KinematicsError::NotFinite);
         }
@@ -286,12 +287,16 @@ fn surplus(link_m: &Vector3<f64>, length_m: f64) -> f64 {
     (link_m.dot(link_m) - length_m * length_m) * 0.5
 }
 
-/// Largest deviation of a link's length, metres; NaN where one is.
+/// Largest magnitude of an error over the links; NaN where one is.
 #[inline]
-fn largest_error(links_m: &[Vector3<f64>; LINKS], lengths_m: &[f64; LINKS]) -> f64 {
+fn largest(
+    links_m: &[Vector3<f64>; LINKS],
+    lengths_m: &[f64; LINKS],
+    error: impl Fn(&Vector3<f64>, &f64) -> f64,
+) -> f64 {
     let [w11, w21, w22, w31, w32, w33] = links_m;
     let [l11, l21, l22, l31, l32, l33] = lengths_m;
-    let error = |link: &Vector3<f64>, length: &f64| (norm(link) - length).abs();
+    let error = |link: &Vector3<f64>, length: &f64| error(link, length).abs();
     let (two, three) = (
         max_propagating_nan(error(w21, l21), error(w22, l22)),
         max_propagating_nan(error(w31, l31), max_propagating_nan(error(w32, l32), error(w33, l33))),
