@@ -22,7 +22,7 @@ pub(crate) struct Inverse {
 
 impl Inverse {
     /// Inverts the matrix; `None` unless `|det| > SINGULARITY_TOLERANCE |r_1| |r_2| |r_3|`; not for NaN.
-    #[inline(always)]
+    #[inline(always)] // Twice in each solve, which would copy what it returns: 80 instructions of `six_jacobian`.
     pub(crate) fn of_rows([r1, r2, r3]: [&Vector3<f64>; 3]) -> Option<Self> {
         let (c1, c2, c3) = (r2.cross(r3), r3.cross(r1), r1.cross(r2));
         let determinant = r1.dot(&c1);

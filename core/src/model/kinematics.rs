@@ -94,7 +94,7 @@ pub enum KinematicsError {
     NotConverged {
         /// Linear solves made.
         iterations: u8,
-        /// Largest error of a link's length after the last one, metres.
+        /// Largest error of a link's length after the last one, to first order, metres.
         residual_m: f64,
     },
     /// This machine's forward kinematics needs a seed: the machine is not of the synchronised form, or that form is not unique.
@@ -161,7 +161,7 @@ pub struct Solution<T> {
     pub value: T,
     /// Linear solves made.
     pub iterations: u8,
-    /// Largest error of a link's length, metres.
+    /// Largest error of a link's length, to first order, metres.
     pub residual_m: f64,
 }
 

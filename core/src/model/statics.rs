@@ -7,6 +7,7 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3};
 
 use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::KinematicsError;
+use crate::model::linalg::are_finite;
 use crate::model::lu::Lu;
 use crate::model::robot::{ARMS, LINKS};
 use crate::zip::zip;
@@ -223,7 +224,7 @@ impl<const N: usize> LineMatrix<N> {
 
 /// Returns the numbers if every one is finite.
 pub(crate) fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], KinematicsError> {
-    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(KinematicsError::NotFinite) }
+    if are_finite(&values) { Ok(values) } else { Err(KinematicsError::NotFinite) }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
-//! How the cost grows: of a tick with axes, connections and bytes; of the F1's kinematics with the distance of the seed.
+//! Growth of the cost: of a tick with axes, connections and frames; of the F1's kinematics with the distance of the seed.
 
 use std::hint::black_box;
+use std::path::Path;
 
 use gantry_tau::plots::{Corner, Curve, Plot};
 use gantry_tau_core::control::endpoint::Transport;
@@ -12,8 +13,7 @@ use crate::calls::measured;
 use crate::count;
 use crate::setup::{Server, on_time, six_from};
 
-const TICKS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/cost-ticks.svg");
-const KINEMATICS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/cost-kinematics.svg");
+const DOCS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs");
 
 /// A call that is made with several numbers.
 struct Series {
@@ -24,7 +24,8 @@ struct Series {
     run: fn(u32),
 }
 
-const SERIES: [Series; 5] = [
+/// Of a tick: counts of something.
+const TICK: [Series; 3] = [
     Series { name: "axes", curve: "axes", parameters: &[1, 2, 3, 4, 5, 6], run: tick_of_axes },
     Series {
         name: "connections",
@@ -38,48 +39,55 @@ const SERIES: [Series; 5] = [
         parameters: &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12],
         run: tick_of_frames,
     },
-    Series { name: "inverse", curve: "inverse", parameters: &DISTANCES, run: inverse_from },
-    Series { name: "forward", curve: "forward", parameters: &DISTANCES, run: forward_from },
 ];
 
-/// Distances of the seed, as the number of halves of a decade below 1 (m and rad).
-const DISTANCES: [u32; 12] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18];
+/// Of the kinematics: distances of the seed, in half decades below 1 (m and rad).
+const KINEMATICS: [Series; 2] = [
+    Series { name: "inverse", curve: "inverse", parameters: &HALF_DECADES, run: inverse_from },
+    Series { name: "forward", curve: "forward", parameters: &HALF_DECADES, run: forward_from },
+];
+
+const HALF_DECADES: [u32; 12] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18];
+
+fn decades(halves: u32) -> f64 {
+    -0.5 * f64::from(halves)
+}
 
 fn distance(halves: u32) -> f64 {
-    10.0_f64.powf(-0.5 * f64::from(halves))
+    10.0_f64.powf(decades(halves))
 }
 
 /// Makes a call by `name:parameter`.
 pub(crate) fn run(name: &str, parameter: &str) {
-    let series = SERIES.iter().find(|series| series.name == name);
+    let series = TICK.iter().chain(&KINEMATICS).find(|series| series.name == name);
     let series = series.unwrap_or_else(|| panic!("no series is named {name}"));
     (series.run)(parameter.parse().unwrap());
 }
 
 /// Counts all series, prints them, and draws them into docs.
 pub(crate) fn draw() {
-    let mut curves: Vec<Curve> = Vec::new();
-    for series in &SERIES {
-        let mut points = Vec::new();
-        for parameter in series.parameters {
+    draw_into("cost-ticks.svg", "axes, connections, or frames", &TICK, f64::from);
+    draw_into("cost-kinematics.svg", "distance of the seed, decades of m and rad", &KINEMATICS, decades);
+}
+
+fn draw_into(file: &str, x_axis: &'static str, series: &[Series], x: fn(u32) -> f64) {
+    let curve = |series: &Series| {
+        let point = |parameter: &u32| {
             let counted = count(&format!("{}:{parameter}", series.name));
             println!("{} {parameter} {counted}", series.name);
-            let x = if series.parameters == DISTANCES { distance(*parameter).log10() } else { f64::from(*parameter) };
-            points.push((x, f64::from(u32::try_from(counted).unwrap())));
-        }
-        curves.push(Curve { dots: true, ..Curve::line(series.curve, points) });
-    }
-    let kinematics = curves.split_off(3);
-    let plot = |x_axis, curves| Plot {
+            (x(*parameter), f64::from(u32::try_from(counted).unwrap()))
+        };
+        Curve { dots: true, ..Curve::line(series.curve, series.parameters.iter().map(point).collect()) }
+    };
+    let plot = Plot {
         x_axis,
         y_axis: "instructions (x86-64)",
-        curves,
+        curves: series.iter().map(curve).collect(),
         bands: Vec::new(),
         y_names: Vec::new(),
         key: Corner::UpperLeft,
     };
-    std::fs::write(TICKS, plot("axes, connections, or frames", curves).svg()).unwrap();
-    std::fs::write(KINEMATICS, plot("distance of the seed, decades of m and rad", kinematics).svg()).unwrap();
+    std::fs::write(Path::new(DOCS).join(file), plot.svg()).unwrap();
 }
 
 fn tick_of_axes(axes: u32) {

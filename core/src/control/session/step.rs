@@ -22,7 +22,7 @@ pub(super) struct Step {
     pub(super) off_path: bool,
 }
 
-/// What the axes gave in a step.
+/// Outcome of a step at the axes.
 pub(super) struct Outcome<'a, const N: usize> {
     /// References of the axes.
     pub(super) references: &'a mut [Reference; N],

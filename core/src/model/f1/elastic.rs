@@ -58,7 +58,7 @@ impl Elastic {
         // Placed once: the inverse starts from them.
         let plates = self.kinematics.place(q);
         let displaced = self.displaced(pose, &plates, load)?;
-        self.against(&displaced, pose, q, &plates, gain)
+        self.command_against(&displaced, pose, q, &plates, gain)
     }
 
     /// As [`command`](Self::command), where the line matrix at `pose` is known.
@@ -74,12 +74,12 @@ impl Elastic {
         gain: f64,
     ) -> Result<[f64; AXES], KinematicsError> {
         let displaced = self.displaced_of(lines, load)?;
-        self.against(&displaced, pose, q, &self.kinematics.place(q), gain)
+        self.command_against(&displaced, pose, q, &self.kinematics.place(q), gain)
     }
 
-    /// Command against the share `gain` of displacements.
+    /// Command that takes the share `gain` of displacements back.
     #[inline(never)]
-    fn against(
+    fn command_against(
         &self,
         (carts, links): &Displaced,
         pose: &Pose,

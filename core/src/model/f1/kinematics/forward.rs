@@ -49,7 +49,7 @@ impl Kinematics {
             let system = self.system(&pose, &joints);
             if made == iterations || system.is_settled(&self.settled()) {
                 pose.rotation = orthonormal(&pose.rotation);
-                let links_m = self.links_between(&pose, &joints);
+                let (links_m, _) = self.links_and_levers(&pose, &joints);
                 let residual_m = self.check(&links_m, q, &self.robot.geometry().lengths_m, made)?;
                 return Ok(Solution { value: pose, iterations: made, residual_m });
             }
@@ -114,7 +114,7 @@ impl Kinematics {
         ];
         let poses = three_spheres(&centres, &[l1, l2, l3])?.map(|position_m| Pose { position_m, rotation });
         let joints = self.plates.at(q).joints_m;
-        let sides = |pose: &Pose| self.on_their_sides(&self.links_between(pose, &joints));
+        let sides = |pose: &Pose| self.on_their_sides(&self.links_and_levers(pose, &joints).0);
         let [one, other] = poses.map(|pose| (sides(&pose), pose));
         match (one, other) {
             ((Ok(()), _), (Ok(()), _)) => Err(KinematicsError::SeedRequired),

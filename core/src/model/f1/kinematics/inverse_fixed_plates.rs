@@ -54,7 +54,7 @@ impl Kinematics {
             let system = self.system(&pose, &joints);
             if made == iterations || system.is_settled(&self.settled()) {
                 pose.rotation = orthonormal(&pose.rotation);
-                let links_m = self.links_between(&pose, &joints);
+                let (links_m, _) = self.links_and_levers(&pose, &joints);
                 let residual_m = self.check(&links_m, &q, &self.robot.geometry().lengths_m, made)?;
                 return Ok(Solution { value: (q, pose), iterations: made, residual_m });
             }

@@ -96,15 +96,7 @@ impl Kinematics {
     /// Returns the links `A_ij - B_ij`, from platform joint to plate joint, world axes, metres, link order.
     #[must_use]
     pub fn links_m(&self, pose: &Pose, q: &[f64; AXES]) -> [Vector3<f64>; LINKS] {
-        self.links_between(pose, &self.plates.at(q).joints_m)
-    }
-
-    /// As [`links_m`](Self::links_m), for known plate joints.
-    #[inline]
-    fn links_between(&self, pose: &Pose, joints_m: &[Vector3<f64>; LINKS]) -> [Vector3<f64>; LINKS] {
-        let [a11, a21, a22, a31, a32, a33] = joints_m;
-        let [b11, b21, b22, b31, b32, b33] = self.ends_m(pose);
-        [a11 - b11, a21 - b21, a22 - b22, a31 - b31, a32 - b32, a33 - b33]
+        self.links_and_levers(pose, &self.plates.at(q).joints_m).0
     }
 
     /// Returns the links as [`links_m`](Self::links_m), for known plate joints, and the levers `R b_ij` of their platform joints about the
