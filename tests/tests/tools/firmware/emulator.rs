@@ -88,7 +88,12 @@ fn runs(program: &str) -> bool {
 
 /// Builds, with further arguments of cargo; returns the folder of the images.
 pub(crate) fn images(build: Build, arguments: &[&str]) -> PathBuf {
-    let mut command = Command::new(folder().join("build.sh"));
+    images_of(&folder(), build, arguments)
+}
+
+/// Builds the firmware in another folder.
+pub(crate) fn images_of(folder: &Path, build: Build, arguments: &[&str]) -> PathBuf {
+    let mut command = Command::new(folder.join("build.sh"));
     command.arg(build.name()).args(arguments);
     let output = command.output().unwrap();
     let said = text(&output.stdout);

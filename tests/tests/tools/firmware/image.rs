@@ -16,7 +16,7 @@ const IMAGES: [&str; 4] = ["firmware", "whole", "session_only", "labcomm"];
 const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
 
 /// Returns the functions of an image that panic. The handler itself is in every image, and is not called.
-fn panics(image: &Path) -> Vec<String> {
+pub(crate) fn panics(image: &Path) -> Vec<String> {
     let bytes = fs::read(image).unwrap();
     let file = object::File::parse(&*bytes).unwrap();
     let names: Vec<String> = file.symbols().map(|symbol| symbol.name().unwrap().to_owned()).collect();
@@ -40,6 +40,18 @@ pub(crate) fn control_is_seen() {
     assert!(!panics(&folder.join("control")).is_empty());
 }
 
+/// Returns the size of a section, without the dot of its name; 0 if there is none.
+fn size(image: &object::File<'_>, section: &str) -> i64 {
+    let section = image.section_by_name(&format!(".{section}"));
+    i64::try_from(section.map_or(0, |section| section.size())).unwrap()
+}
+
+/// Returns the size of an image's code.
+pub(crate) fn text(image: &Path) -> i64 {
+    let bytes = fs::read(image).unwrap();
+    size(&object::File::parse(&*bytes).unwrap(), "text")
+}
+
 pub(crate) fn sizes() {
     for build in Build::ALL {
         let folder = images(build, &[]);
@@ -47,11 +59,7 @@ pub(crate) fn sizes() {
         for image in IMAGES.into_iter().filter(|image| *image != "labcomm" || build == Build::M7Small) {
             let bytes = fs::read(folder.join(image)).unwrap();
             let file = object::File::parse(&*bytes).unwrap();
-            let size = |name: &str| {
-                let section = file.section_by_name(name);
-                i64::try_from(section.map_or(0, |section| section.size())).unwrap()
-            };
-            let measured = ["text", "rodata", "data", "bss"].map(|name| (name.to_owned(), size(&format!(".{name}"))));
+            let measured = ["text", "rodata", "data", "bss"].map(|name| (name.to_owned(), size(&file, name)));
             budget::judge(build, image, &BTreeMap::from(measured));
         }
     }

@@ -15,6 +15,7 @@
 
 mod budget;
 mod emulator;
+mod frontier;
 mod host;
 mod image;
 #[path = "../../../firmware/src/ingress_budget.rs"]
@@ -83,7 +84,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         }
     });
     let on_host = ON_HOST.iter().map(|(name, test)| trial(name, *test));
-    on_target.chain(on_host).collect()
+    let frontier = frontier::is_asked_for().then(|| trial("frontier", frontier::draw));
+    on_target.chain(on_host).chain(frontier).collect()
 }
 
 /// Makes a test that fails by panicking.

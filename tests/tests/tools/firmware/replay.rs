@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::budget::{self, Measured};
 use super::emulator::{self, Build};
@@ -26,7 +26,7 @@ pub(crate) fn a_changed_bit_is_seen() {
     let end = traffic::encode(&Record::End).len();
     let at = bytes.len() - end - 12 * 8 + 2;
     bytes[at] ^= 1 << 4;
-    let played = play(Build::M7, "changed_bit", &bytes);
+    let played = play(Build::M7, &emulator::images(Build::M7, &[]), "changed_bit", &bytes);
     assert_eq!(played.output.len(), recording.output.len());
     let before_the_last_tick = recording.output.len() - 1_000;
     assert_eq!(
@@ -39,7 +39,7 @@ pub(crate) fn a_changed_bit_is_seen() {
 
 /// The log of the calm session is `golden.txt`.
 pub(crate) fn log_tells_the_session() {
-    let played = play(Build::M7, "log", &traffic::calm().bytes);
+    let played = play(Build::M7, &emulator::images(Build::M7, &[]), "log", &traffic::calm().bytes);
     let log = emulator::decode(&played.image, &played.place.join("console"));
     let golden = emulator::folder().join("golden.txt");
     if budget::recording() {
@@ -50,7 +50,13 @@ pub(crate) fn log_tells_the_session() {
 
 /// Compares every reference, every frame and every float, and judges the cost.
 pub(crate) fn is_bit_equal(build: Build, recording: &Recording) {
-    let played = play(build, recording.name, &recording.bytes);
+    let measured = measure(build, &emulator::images(build, &[]), recording);
+    budget::judge(build, recording.name, &measured);
+}
+
+/// Plays a recording on the image in a folder, and compares every byte with the host. Returns the cost and a digest of the output.
+pub(crate) fn measure(build: Build, images: &Path, recording: &Recording) -> Measured {
+    let played = play(build, images, recording.name, &recording.bytes);
     let expected = host::play(&recording.bytes).output;
     if let Some(at) = first_difference(&played.output, &expected) {
         panic!("{} on {}: differs from the host from byte {at} of {}", recording.name, build.name(), expected.len());
@@ -58,7 +64,7 @@ pub(crate) fn is_bit_equal(build: Build, recording: &Recording) {
     println!("{} on {}: {} bytes are equal", recording.name, build.name(), expected.len());
     let mut measured = played.laps.measured(&recording.f1);
     measured.insert("output_crc32".to_owned(), i64::from(gantry_tau_tests::client::crc32(&expected)));
-    budget::judge(build, recording.name, &measured);
+    measured
 }
 
 fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
@@ -66,8 +72,8 @@ fn first_difference(one: &[u8], other: &[u8]) -> Option<usize> {
     differing.or_else(|| (one.len() != other.len()).then(|| one.len().min(other.len())))
 }
 
-fn play(build: Build, name: &str, recording: &[u8]) -> Played {
-    let image = emulator::images(build, &[]).join("firmware");
+fn play(build: Build, images: &Path, name: &str, recording: &[u8]) -> Played {
+    let image = images.join("firmware");
     let place = emulator::place(&format!("replay-{}-{name}", build.name()));
     fs::write(place.join("replay.in"), recording).unwrap();
     emulator::run(build, &image, &place);
