@@ -9,7 +9,8 @@ use encoders::{Line, line};
 use super::close;
 
 /// One count, and what it asks for: by hand. The torque at rest is that of a model in Python, over the same places; the loops and an encoder
-/// without noise have no scale of their own, so it is 64 times as large with a 64th of the counts.
+/// without noise have no scale of their own, so it is 64 times as large with a 64th of the counts. One place alone gives 0.32 N to 1.04 N with
+/// 2^20 counts, and 22 N to 67 N with 2^14.
 #[test]
 fn the_table_of_encoders() {
     for (counts, expected) in
