@@ -58,6 +58,12 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
     }
 }
 
+/// Returns a goal of `sizes.toml`.
+pub(crate) fn goal(key: &str, name: &str) -> i64 {
+    let file: Table = fs::read_to_string(folder().join("sizes.toml")).unwrap().parse().unwrap();
+    file["goals"][key][name].as_integer().unwrap()
+}
+
 fn section<'a>(file: &'a mut Table, name: &str) -> &'a mut Table {
     let entry = file.entry(name).or_insert_with(|| Value::Table(Table::new()));
     entry.as_table_mut().unwrap()
