@@ -6,7 +6,9 @@ use gantry_tau_core::control::position_loop::{
     LoopInput, LoopParts, LoopStop, Permit, PositionLoop, PositionLoops, VelocityReference,
 };
 use gantry_tau_core::units::{ChannelUnit, PositionNm, TorquePermille, VelocityUmS};
-use gantry_tau_core::verification::position_loop::{INTEGRAL_SHIFT, difference, integrate, product, weighted};
+use gantry_tau_core::verification::position_loop::{
+    INTEGRAL_SHIFT, difference, fed_forward, integrate, product, weighted,
+};
 
 /// Largest magnitude of a value that is weighted: the difference of two changes. Its product with any weight does not overflow.
 pub const MAX_WEIGHTED: i64 = 2 * MAX_ERROR_NM;
@@ -174,22 +176,37 @@ pub fn is_product_of(value: i64, weight: u16, product: i64) -> bool {
     if value < 0 { most <= product && product <= 0 } else { 0 <= product && product <= most }
 }
 
-/// T20: a term is odd, has the sign of its value, and is at most `weight * 2^-SHIFT` times it, and less than one unit below.
+/// T20: a term is odd, has the sign of its value, and is at most `weight * 2^-16` times it, and less than one unit below.
 /// `|value| <= 2^25`.
-pub fn term_is_exact<const SHIFT: u32>(value: i64, weight: u16) {
-    let term = weighted::<SHIFT>(value, weight);
+pub fn term_is_exact(value: i64, weight: u16) {
+    let term = weighted(value, weight);
     assert!(value != 0 || term == 0, "T20: a term of zero is zero");
-    assert!(weighted::<SHIFT>(-value, weight) == -term, "T20: a term is odd");
+    assert!(weighted(-value, weight) == -term, "T20: a term is odd");
     assert!(term == 0 || (term > 0) == (value > 0), "T20: a term has the sign of its value");
     let product = product(value.abs(), weight);
-    assert!(term.abs() << SHIFT <= product, "T20: a term is at most weight times value");
-    assert!(product < (term.abs() + 1) << SHIFT, "T20: a term is less than one unit below weight times value");
+    assert!(term.abs() << 16 <= product, "T20: a term is at most weight times value");
+    assert!(product < (term.abs() + 1) << 16, "T20: a term is less than one unit below weight times value");
+}
+
+/// T20: the velocity feed-forward is `weight * 2^-10` times the change, rounded down. `|change| <= 2^25`.
+pub fn feed_forward_is_exact(change: i64, weight: u16) {
+    let (term, product) = (fed_forward(change, weight), product(change, weight));
+    assert!(
+        term << 10 <= product && product < (term + 1) << 10,
+        "T20: the feed-forward is weight times change, rounded down"
+    );
 }
 
 /// T20: of two values the larger has no smaller term. `|value| <= 2^25`.
-pub fn term_is_monotone<const SHIFT: u32>(value: i64, larger: i64, weight: u16) {
-    let (term, of_larger) = (weighted::<SHIFT>(value, weight), weighted::<SHIFT>(larger, weight));
+pub fn term_is_monotone(value: i64, larger: i64, weight: u16) {
+    let (term, of_larger) = (weighted(value, weight), weighted(larger, weight));
     assert!(value > larger || term <= of_larger, "T20: a term is monotone");
+}
+
+/// T20: of two changes the larger has no smaller velocity feed-forward. `|change| <= 2^25`.
+pub fn feed_forward_is_monotone(change: i64, larger: i64, weight: u16) {
+    let (term, of_larger) = (fed_forward(change, weight), fed_forward(larger, weight));
+    assert!(change > larger || term <= of_larger, "T20: the feed-forward is monotone");
 }
 
 /// T20: an integral within its limit stays within it, does not grow towards what the output is short of, and otherwise grows by what
@@ -223,14 +240,14 @@ pub fn follows_its_terms(before: &PositionLoop, config: &LoopConfig, input: &Loo
     let [last, earlier, ..] = from.history;
     let change = difference(now.0, last.0);
     let error = difference(aligned(&from, config, input).0, actual.0);
-    let proportional = weighted::<16>(error, values.gain);
+    let proportional = weighted(error, values.gain);
     let wanted = proportional
         + (from.integral >> INTEGRAL_SHIFT)
-        + weighted::<10>(change, values.velocity_feed_forward)
+        + fed_forward(change, values.velocity_feed_forward)
         + i64::from(input.reference.velocity_offset.0);
     let growth = product(proportional, values.integral);
     let bend = change - difference(last.0, earlier.0);
-    let torque = weighted::<16>(bend, values.torque_feed_forward) + i64::from(input.reference.torque_offset.0);
+    let torque = weighted(bend, values.torque_feed_forward) + i64::from(input.reference.torque_offset.0);
     // After these: where products are unknown, the tick must have the same.
     let (after, _) = tick(before, config, input);
     let to = after.parts();

@@ -163,12 +163,13 @@ harnesses! {
     position_loop_error_is_exact [minisat] { loops::error_is_exact(kani::any(), kani::any()); }
     position_loop_product_is_bounded [cadical] { loops::product_is_bounded(any_value(), kani::any()); }
     position_loop_term_is_exact [minisat, unwind 6, stub(gantry_tau_core::verification::position_loop::product, crate::harness::position_loop::unknown::product)] {
-        loops::term_is_exact::<16>(any_value(), kani::any());
-        loops::term_is_exact::<10>(any_value(), kani::any());
+        loops::term_is_exact(any_value(), kani::any());
+        loops::feed_forward_is_exact(any_value(), kani::any());
     }
     position_loop_term_is_monotone [minisat, unwind 6, stub(gantry_tau_core::verification::position_loop::product, crate::harness::position_loop::unknown::monotone)] {
-        loops::term_is_monotone::<16>(any_value(), any_value(), kani::any());
-        loops::term_is_monotone::<10>(any_value(), any_value(), kani::any());
+        let (value, larger, weight) = (any_value(), any_value(), kani::any());
+        loops::term_is_monotone(value, larger, weight);
+        loops::feed_forward_is_monotone(value, larger, weight);
     }
     position_loop_integral_is_bounded [minisat] {
         let (integral, most): (i64, i32) = (kani::any(), kani::any());

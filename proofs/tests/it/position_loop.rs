@@ -170,10 +170,10 @@ proptest! {
         loops::error_is_exact(from, to);
         loops::product_is_bounded(value, weight);
         prop_assert_eq!(i128::from(product(value, weight)), i128::from(value) * i128::from(weight));
-        loops::term_is_exact::<16>(value, weight);
-        loops::term_is_exact::<10>(value, weight);
-        loops::term_is_monotone::<16>(value, other, weight);
-        loops::term_is_monotone::<10>(value, other, weight);
+        loops::term_is_exact(value, weight);
+        loops::term_is_monotone(value, other, weight);
+        loops::feed_forward_is_exact(value, weight);
+        loops::feed_forward_is_monotone(value, other, weight);
     }
 
     #[test]

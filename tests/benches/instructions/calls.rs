@@ -38,9 +38,10 @@ pub(crate) const CALLS: &[Call] = &[
     call("six_jacobian", Some(2_200), six_jacobian),
     call("six_compensation", Some(7_000), six_compensation),
     call("session_tick", Some(2_800), session_tick),
-    call("position_loop_axis", Some(250), position_loop::axis),
-    call("position_loop_velocity", Some(165), position_loop::axis_of_velocity),
+    call("position_loop_axis", Some(220), position_loop::axis),
+    call("position_loop_velocity", Some(120), position_loop::axis_of_velocity),
     call("position_loops_of_six", None, position_loop::six_axes),
+    call("position_loops_velocity", None, position_loop::six_axes_of_velocity),
     call("server_tick", Some(5_000), server_tick),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(8_000), ethercat::exchange),

@@ -88,7 +88,7 @@ fn written(counts: &BTreeMap<&str, u64>) -> String {
 fn report(counts: &BTreeMap<&str, u64>) -> ExitCode {
     let committed = committed(Path::new(COUNTS));
     let mut good = true;
-    println!("{:<22} {:>9} {:>9} {:>9}", "call", "counted", "committed", "limit");
+    println!("{:<24} {:>9} {:>9} {:>9}", "call", "counted", "committed", "limit");
     for call in calls::CALLS {
         let counted = counts.get(call.name).copied().unwrap_or(u64::MAX);
         let before = committed.get(call.name).copied().unwrap_or(0);
@@ -100,7 +100,7 @@ fn report(counts: &BTreeMap<&str, u64>) -> ExitCode {
             (_, false) => "  ABOVE ITS LIMIT",
             (false, true) => "  differs by more than 5 %: look, then --write",
         };
-        println!("{:<22} {counted:>9} {before:>9} {limit:>9}{remark}", call.name);
+        println!("{:<24} {counted:>9} {before:>9} {limit:>9}{remark}", call.name);
         good &= near && below;
     }
     ExitCode::from(u8::from(!good))

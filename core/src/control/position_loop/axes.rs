@@ -113,6 +113,7 @@ impl<const N: usize> PositionLoops<N> {
             if let (Some(axis), Some(config), Some(input), Some(error)) =
                 (axes.get_mut(index), config.get(index), inputs.get(index), errors.get_mut(index))
             {
+                axis.keep(input.reference.position);
                 if ready {
                     axis.restart(input.reference.position);
                 }

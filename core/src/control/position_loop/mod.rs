@@ -36,7 +36,7 @@ use crate::units::{PositionNm, TorquePermille, VelocityUmS};
 
 pub use axes::PositionLoops;
 use config::{LoopConfig, MAX_LAG};
-use terms::{INTEGRAL_SHIFT, difference, integrate, product, weighted};
+use terms::{INTEGRAL_SHIFT, difference, fed_forward, integrate, near, product, weighted};
 
 /// References that are kept: of this tick, and of [`MAX_LAG`] before it.
 #[expect(clippy::as_conversions, reason = "u8 to usize is lossless; `From` is not const")]
@@ -215,22 +215,29 @@ impl PositionLoop {
 
     /// Runs one tick.
     pub fn tick(&mut self, config: &LoopConfig, input: &LoopInput) -> VelocityReference {
+        self.keep(input.reference.position);
+        let error = self.undisturbed(config, input).unwrap_or_else(|| self.release_or_judge(config, input));
+        self.act(config, input, error)
+    }
+
+    /// As [`Self::judge`]; and a loop that has stopped runs again if it may.
+    #[cold]
+    #[inline(never)] // Inlined, its conditions would be computed in every tick: 19 instructions.
+    fn release_or_judge(&mut self, config: &LoopConfig, input: &LoopInput) -> i64 {
         if self.is_ready(config, input) {
             self.restart(input.reference.position);
         }
-        let error = self.observe(config, input);
-        self.act(config, input, error)
+        self.judge(config, input)
     }
 
     /// True if a loop that has stopped may run again in this tick.
     pub(super) fn is_ready(&self, config: &LoopConfig, input: &LoopInput) -> bool {
-        let near = |actual: PositionNm| {
-            difference(input.reference.position.0, actual.0).saturating_abs() <= config.values().window_nm.into()
-        };
+        let (reference, window) = (input.reference.position, config.values().window_nm);
+        let is_near = |actual: PositionNm| near(reference.0, actual.0, window.into()).is_some();
         input.permit == Permit::Rearm
             && self.parts.stop.is_some()
             && self.is_at_rest()
-            && input.actual.is_some_and(near)
+            && input.actual.is_some_and(is_near)
     }
 
     /// Runs again from a reference.
@@ -242,31 +249,57 @@ impl PositionLoop {
         self.parts.stop = None;
     }
 
-    /// First half of a tick: takes the reference, and stops the loop if it must. Returns the error against the reference that belongs to
-    /// the actual position, zero without one.
+    /// Keeps the reference of this tick: the first step of each.
+    #[inline]
+    pub(super) const fn keep(&mut self, reference: PositionNm) {
+        let [a, b, c, d, e, f, g, h, i, j, _] = self.parts.history;
+        self.parts.history = [reference, a, b, c, d, e, f, g, h, i, j];
+    }
+
+    /// Stops the loop if it must not go on. Returns the error against the reference that belongs to the actual position, zero without one.
     #[inline]
     pub(super) fn observe(&mut self, config: &LoopConfig, input: &LoopInput) -> i64 {
+        self.undisturbed(config, input).unwrap_or_else(|| self.judge(config, input))
+    }
+
+    /// Short form of [`Self::judge`] for a loop that runs, may go on, is inside its window, and has nothing to count; `None` for others.
+    #[inline]
+    fn undisturbed(&self, config: &LoopConfig, input: &LoopInput) -> Option<i64> {
+        let LoopParts { stop: None, outside: 0, limited: 0, .. } = self.parts else { return None };
+        if input.permit == Permit::Stop {
+            return None;
+        }
+        let (aligned, actual) = self.compared(config, input)?;
+        near(aligned.0, actual.0, config.values().window_nm.into())
+    }
+
+    /// Counts the ticks outside the window, and stops the loop if it must not go on. Returns the error, zero without an actual value.
+    #[cold]
+    fn judge(&mut self, config: &LoopConfig, input: &LoopInput) -> i64 {
+        let compared = self.compared(config, input);
         let (parts, values) = (&mut self.parts, config.values());
-        let [a, b, c, d, e, f, g, h, i, j, _] = parts.history;
-        parts.history = [input.reference.position, a, b, c, d, e, f, g, h, i, j];
-        let Some(actual) = input.actual else {
-            parts.outside = 0;
-            self.stop_with(if input.permit == Permit::Stop { LoopStop::NotPermitted } else { LoopStop::NoActual });
-            return 0;
-        };
-        // Never beyond the history, which `LoopConfig` checks.
-        let aligned = parts.history.get(usize::from(values.lag)).copied().unwrap_or(j);
-        let error = difference(aligned.0, actual.0);
-        let is_outside = error.saturating_abs() > values.window_nm.into();
+        let error = compared.map(|(aligned, actual)| difference(aligned.0, actual.0));
+        let is_outside = error.is_some_and(|error| error.saturating_abs() > values.window_nm.into());
         parts.outside = counted(parts.outside, is_outside, values.window_ticks);
+        let (outside, limited) = (parts.outside, parts.limited);
         if input.permit == Permit::Stop {
             self.stop_with(LoopStop::NotPermitted);
-        } else if is_outside && self.parts.outside >= values.window_ticks {
+        } else if error.is_none() {
+            self.stop_with(LoopStop::NoActual);
+        } else if outside >= values.window_ticks {
             self.stop_with(LoopStop::FollowingError);
-        } else if self.parts.limited >= values.window_ticks {
+        } else if limited >= values.window_ticks {
             self.stop_with(LoopStop::Limited);
         }
-        error
+        error.unwrap_or(0)
+    }
+
+    /// Returns the reference and the actual value that belong together; `None` without an actual value.
+    #[inline]
+    fn compared(&self, config: &LoopConfig, input: &LoopInput) -> Option<(PositionNm, PositionNm)> {
+        // Never beyond the history, which `LoopConfig` checks.
+        let aligned = self.parts.history.get(usize::from(config.values().lag))?;
+        Some((*aligned, input.actual?))
     }
 
     /// Stops a loop that runs.
@@ -274,40 +307,73 @@ impl PositionLoop {
         self.parts.stop = self.parts.stop.or(Some(stop));
     }
 
-    /// Second half of a tick: follows the reference, or ramps to rest.
+    /// Last step of a tick: follows the reference, or ramps to rest.
     #[inline]
     pub(super) fn act(&mut self, config: &LoopConfig, input: &LoopInput, error: i64) -> VelocityReference {
         let (parts, values) = (&mut self.parts, config.values());
         if parts.stop.is_some() {
-            parts.velocity = parts.velocity.ramp(&values.velocity);
-            parts.torque = parts.torque.ramp(&values.torque);
-        } else {
-            let [now, last, before, ..] = parts.history;
-            let change = difference(now.0, last.0);
-            let proportional = weighted::<16>(error, values.gain);
-            // Four terms of less than 2^32: nothing wraps.
-            let wanted = proportional
-                .wrapping_add(parts.integral >> INTEGRAL_SHIFT)
-                .wrapping_add(weighted::<10>(change, values.velocity_feed_forward))
-                .wrapping_add(input.reference.velocity_offset.0.into());
-            parts.velocity = parts.velocity.follow(VelocityUmS(saturated(wanted)), &values.velocity);
-            let short = wanted.wrapping_sub(parts.velocity.count().into());
-            parts.limited = counted(parts.limited, short != 0, values.window_ticks);
-            if values.integral != 0 {
-                let growth = product(proportional, values.integral);
-                parts.integral = integrate(parts.integral, growth, short, values.integral_max);
-            }
-            parts.torque = if values.torque.max() == 0 {
-                Channel::ZERO
-            } else {
-                let bend = change.wrapping_sub(difference(last.0, before.0));
-                let torque = weighted::<16>(bend, values.torque_feed_forward)
-                    .wrapping_add(input.reference.torque_offset.0.into());
-                let end = if torque < 0 { i16::MIN } else { i16::MAX };
-                parts.torque.follow(TorquePermille(i16::try_from(torque).unwrap_or(end)), &values.torque)
-            };
+            return self.ramp(config);
         }
-        VelocityReference { velocity: parts.velocity.value(), torque: parts.torque.value() }
+        let [now, last, ..] = parts.history;
+        let change = difference(now.0, last.0);
+        let proportional = weighted(error, values.gain);
+        // Four terms of less than 2^32: nothing wraps.
+        let wanted = proportional
+            .wrapping_add(parts.integral >> INTEGRAL_SHIFT)
+            .wrapping_add(fed_forward(change, values.velocity_feed_forward))
+            .wrapping_add(input.reference.velocity_offset.0.into());
+        parts.velocity = parts.velocity.follow(VelocityUmS(saturated(wanted)), &values.velocity);
+        let short = wanted.wrapping_sub(parts.velocity.count().into());
+        if short != 0 || values.integral != 0 || values.torque.max() != 0 {
+            return self.act_further(config, input, change, proportional, short);
+        }
+        parts.limited = 0;
+        parts.torque = Channel::ZERO;
+        VelocityReference { velocity: parts.velocity.value(), torque: TorquePermille(0) }
+    }
+
+    /// Rest of [`Self::act`] for a velocity that the limits cut, an integral, or a torque.
+    #[inline(never)] // A loop without these saves no registers for them.
+    fn act_further(
+        &mut self,
+        config: &LoopConfig,
+        input: &LoopInput,
+        change: i64,
+        proportional: i64,
+        short: i64,
+    ) -> VelocityReference {
+        let (parts, values) = (&mut self.parts, config.values());
+        parts.limited = counted(parts.limited, short != 0, values.window_ticks);
+        if values.integral != 0 {
+            let growth = product(proportional, values.integral);
+            parts.integral = integrate(parts.integral, growth, short, values.integral_max);
+        }
+        parts.torque = if values.torque.max() == 0 {
+            Channel::ZERO
+        } else {
+            let [_, last, before, ..] = parts.history;
+            let bend = change.wrapping_sub(difference(last.0, before.0));
+            let torque =
+                weighted(bend, values.torque_feed_forward).wrapping_add(input.reference.torque_offset.0.into());
+            let end = if torque < 0 { i16::MIN } else { i16::MAX };
+            parts.torque.follow(TorquePermille(i16::try_from(torque).unwrap_or(end)), &values.torque)
+        };
+        self.references()
+    }
+
+    /// Takes one step to rest.
+    #[cold]
+    fn ramp(&mut self, config: &LoopConfig) -> VelocityReference {
+        let (parts, values) = (&mut self.parts, config.values());
+        parts.velocity = parts.velocity.ramp(&values.velocity);
+        parts.torque = parts.torque.ramp(&values.torque);
+        self.references()
+    }
+
+    /// Returns the references in force.
+    #[inline]
+    fn references(&self) -> VelocityReference {
+        VelocityReference { velocity: self.parts.velocity.value(), torque: self.parts.torque.value() }
     }
 }
 

@@ -1,24 +1,31 @@
-//! Terms of a position loop: one multiplication each, in sign and magnitude, so that each is odd (T20).
+//! Terms of a position loop: one multiplication each. The proportional and the torque term are in sign and magnitude, so that they are odd (T20).
 
 use super::config::MAX_ERROR_NM;
 
-/// Smallest error that acts, nm.
-const LEAST: i64 = MAX_ERROR_NM.wrapping_neg();
+/// `from - to`, if it is within ± `most`, which is from 0 to [`MAX_ERROR_NM`]; total.
+#[inline]
+#[must_use]
+pub(crate) fn near(from: i64, to: i64, most: i64) -> Option<i64> {
+    let difference = from.checked_sub(to)?;
+    // One comparison for both ends: what is below the lower one wraps to a large number.
+    let above = 0_u64.wrapping_add_signed(difference.wrapping_add(most));
+    (above <= 0_u64.wrapping_add_signed(most.wrapping_mul(2))).then_some(difference)
+}
 
 /// `from - to`, cut to [`MAX_ERROR_NM`]; total.
 #[inline]
 #[must_use]
 pub fn difference(from: i64, to: i64) -> i64 {
-    match from.checked_sub(to) {
-        Some(within @ LEAST..=MAX_ERROR_NM) => within,
-        _ => beyond(from, to),
+    match near(from, to, MAX_ERROR_NM) {
+        Some(difference) => difference,
+        None => beyond(from, to),
     }
 }
 
 /// Difference of positions that are far apart. A function of its own, so that near ones cost a subtraction and two branches.
 #[cold]
 const fn beyond(from: i64, to: i64) -> i64 {
-    if from < to { LEAST } else { MAX_ERROR_NM }
+    if from < to { MAX_ERROR_NM.wrapping_neg() } else { MAX_ERROR_NM }
 }
 
 /// Product of a value within ± 2^25 and a weight: below 2^41, so nothing wraps. A function of its own, because a
@@ -29,12 +36,19 @@ pub fn product(value: i64, weight: u16) -> i64 {
     value.wrapping_mul(i64::from(weight))
 }
 
-/// Weights a value within ± 2^25 by `weight * 2^-SHIFT`, rounding towards zero.
+/// Weights a value within ± 2^25 by `weight * 2^-16`, rounding towards zero.
 #[inline]
 #[must_use]
-pub fn weighted<const SHIFT: u32>(value: i64, weight: u16) -> i64 {
-    let magnitude = product(value.wrapping_abs(), weight) >> SHIFT;
+pub fn weighted(value: i64, weight: u16) -> i64 {
+    let magnitude = product(value.wrapping_abs(), weight) >> 16;
     if value < 0 { magnitude.wrapping_neg() } else { magnitude }
+}
+
+/// Weights a change within ± 2^25 by `weight * 2^-10`, rounding down; exact with a weight of 1 024.
+#[inline]
+#[must_use]
+pub fn fed_forward(change: i64, weight: u16) -> i64 {
+    product(change, weight) >> 10
 }
 
 /// Integral of the loop, in 2^-10 µm/s: grows by `growth`, and stays within `most` (µm/s). It does not grow towards `short`, by which

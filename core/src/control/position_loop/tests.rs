@@ -1,7 +1,7 @@
 //! The loop against a drive that moves by its velocity reference, with latency, and against errors and stops made by hand.
 
 use super::config::{LoopConfig, LoopConfigError, LoopValue, LoopValues, MAX_ERROR_NM, MAX_WINDOW_NM};
-use super::terms::{INTEGRAL_SHIFT, difference, integrate, weighted};
+use super::terms::{INTEGRAL_SHIFT, difference, fed_forward, integrate, near, weighted};
 use super::*;
 use crate::control::fixture::limits;
 use std::collections::VecDeque;
@@ -257,16 +257,21 @@ fn offsets_are_added_and_bounded_too() {
 }
 
 #[test]
-fn terms_are_odd_total_and_exact_where_they_say() {
+fn terms_are_total_and_exact_where_they_say() {
     assert_eq!(difference(i64::MAX, i64::MIN), MAX_ERROR_NM);
     assert_eq!(difference(i64::MIN, i64::MAX), -MAX_ERROR_NM);
     for value in [0, 1, 7, 1_000, MAX_ERROR_NM, 2 * MAX_ERROR_NM] {
         for weight in [0, 1, 5_256, 32_767] {
             let exact = (i128::from(value) * i128::from(weight)) >> 16;
-            assert_eq!(i128::from(weighted::<16>(value, weight)), exact);
-            assert_eq!(weighted::<16>(-value, weight), -weighted::<16>(value, weight));
+            assert_eq!(i128::from(weighted(value, weight)), exact);
+            assert_eq!(weighted(-value, weight), -weighted(value, weight));
         }
     }
+    assert_eq!([-1, 0, 1].map(|change| fed_forward(change, 512)), [-1, 0, 0], "rounded down");
+    for (from, to) in [(i64::MAX, i64::MIN), (i64::MIN, i64::MAX), (6, 0), (0, 6), (i64::MIN, 0)] {
+        assert_eq!(near(from, to, 5), None);
+    }
+    assert_eq!([near(5, 0, 5), near(0, 5, 5), near(3, 3, 0)], [Some(5), Some(-5), Some(0)]);
     assert_eq!(integrate(0, i64::MAX, 0, 5), 5 << INTEGRAL_SHIFT);
     assert_eq!(integrate(7, 1, 1, 5), 7, "short above");
     assert_eq!(integrate(7, -1, 1, 5), 6);

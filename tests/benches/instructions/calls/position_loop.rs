@@ -43,7 +43,7 @@ fn input(tick: i64, permit: Permit) -> LoopInput {
 }
 
 /// An input after which no reference is where it was: further behind, and with another torque.
-fn disturbed(input: LoopInput) -> LoopInput {
+fn further_behind(input: LoopInput) -> LoopInput {
     let LoopInput { reference, actual, permit } = input;
     let position = PositionNm(reference.position.0 + 1_000);
     let actual = actual.map(|actual| PositionNm(actual.0 - 70_000));
@@ -67,19 +67,29 @@ fn follow(config: LoopConfig) {
         axis.tick(&config, &given);
         given = input(tick, Permit::Run);
     }
-    let (mut axis, config, given) = black_box((axis, config, disturbed(given)));
+    let (mut axis, config, given) = black_box((axis, config, further_behind(given)));
     let reference = black_box(measured(|| axis.tick(&config, &given)));
     assert!(reference.velocity.0 > 0 && axis.stop().is_none());
 }
 
+/// Six axes that follow with every term.
 pub(super) fn six_axes() {
-    let mut loops = PositionLoops::at_rest([config(); 6], [PositionNm(0); 6]);
+    follow_six(config());
+}
+
+/// Six axes that follow without integral and torque.
+pub(super) fn six_axes_of_velocity() {
+    follow_six(config_of_velocity());
+}
+
+fn follow_six(config: LoopConfig) {
+    let mut loops = PositionLoops::at_rest([config; 6], [PositionNm(0); 6]);
     let mut inputs = [input(0, Permit::Rearm); 6];
     for tick in 0..20 {
         loops.tick(&inputs, true);
         inputs = [input(tick, Permit::Run); 6];
     }
-    let (mut loops, inputs) = black_box((loops, inputs.map(disturbed)));
+    let (mut loops, inputs) = black_box((loops, inputs.map(further_behind)));
     black_box(measured(|| loops.tick(&inputs, true)));
     assert!(loops.is_running());
 }
