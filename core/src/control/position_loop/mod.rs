@@ -249,7 +249,7 @@ impl PositionLoop {
         self.parts.stop = None;
     }
 
-    /// Keeps the reference of this tick: the first step of each.
+    /// First step of a tick: keeps its reference.
     #[inline]
     pub(super) const fn keep(&mut self, reference: PositionNm) {
         let [a, b, c, d, e, f, g, h, i, j, _] = self.parts.history;
