@@ -3,6 +3,7 @@
 use super::config::{LoopConfig, LoopConfigError, LoopValue, LoopValues, MAX_ERROR_NM, MAX_WINDOW_NM};
 use super::terms::{INTEGRAL_SHIFT, difference, fed_forward, integrate, near, weighted};
 use super::*;
+use crate::control::channel::Limits;
 use crate::control::fixture::limits;
 use std::collections::VecDeque;
 use std::vec::Vec;
@@ -130,9 +131,11 @@ fn a_step_is_followed_within_the_limits_and_without_overshoot() {
 
 #[test]
 fn the_integral_takes_a_standing_error_away_and_keeps_its_limit() {
-    let slow = |integral_max| LoopValues { integral: 20, integral_max, ..values() };
-    for (integral_max, is_enough) in [(20_000, true), (5_000, false)] {
-        let config = config(slow(integral_max));
+    let slow = |integral_max, torque| LoopValues { integral: 20, integral_max, torque, ..values() };
+    for (integral_max, torque, is_enough) in
+        [(20_000, values().torque, true), (20_000, Limits::DISABLED, true), (5_000, values().torque, false)]
+    {
+        let config = config(slow(integral_max, torque));
         let (mut axis, mut drive) = (running(&config), Mover::new(1, 1));
         for _ in 0..2_000 {
             let velocity = axis.tick(&config, &input(0, drive.measured())).velocity;
@@ -202,8 +205,8 @@ fn it_trips_in_the_last_tick_of_the_window_and_not_before() {
 
 #[test]
 fn limits_that_cut_the_velocity_for_longer_than_the_window_trip() {
-    let config = config(values());
-    for sign in [1, -1] {
+    for (sign, torque) in [1, -1].into_iter().flat_map(|sign| [(sign, values().torque), (sign, Limits::DISABLED)]) {
+        let config = config(LoopValues { torque, ..values() });
         let mut axis = running(&config);
         // 160 mm/s are wanted, and 10 mm/s more per tick allowed.
         let edge = input(0, sign * i64::from(WINDOW_NM));
