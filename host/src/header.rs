@@ -2,6 +2,7 @@
 
 use std::fmt::{Debug, Write as _};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::session::config::AxisConfig;
@@ -11,15 +12,40 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::files::{WriteError, write};
 use crate::model::MachineKind;
-use crate::robot_file::{AnyRobotFile, RobotFile};
+use crate::robot_file::{AnyRobotFile, CYCLE_US, CorrectionKind, RobotFile, Sensor, matrix};
 
 /// Options of the header.
 #[derive(Clone, Debug)]
 pub struct HeaderOptions {
     /// The machine.
     pub robot: AnyRobotFile,
+    /// First part of every name in the header; a program with two machines gives each its own.
+    pub prefix: Prefix,
     /// Output file.
     pub output: PathBuf,
+}
+
+/// First part of the names in a header: letters, digits and underscores, the first a letter, in lower case.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Prefix(String);
+
+impl Default for Prefix {
+    fn default() -> Self {
+        Self("gantry_tau".to_owned())
+    }
+}
+
+impl FromStr for Prefix {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let is_name = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
+        if text.bytes().all(is_name) && text.starts_with(|first: char| first.is_ascii_lowercase()) {
+            Ok(Self(text.to_owned()))
+        } else {
+            Err("expected lower-case letters, digits and underscores, beginning with a letter".to_owned())
+        }
+    }
 }
 
 /// Failures of [`run`].
@@ -40,42 +66,62 @@ pub enum HeaderError {
 /// # Errors
 /// [`HeaderError`]; nothing is written then.
 pub fn run(options: &HeaderOptions) -> Result<(), HeaderError> {
-    Ok(write(&options.output, &text(&options.robot)?)?)
+    Ok(write(&options.output, &text(&options.robot, &options.prefix)?)?)
 }
 
-/// Returns the header of a machine.
+/// Returns the header of a machine, with names that begin with `prefix`.
 ///
 /// # Errors
 /// [`HeaderError::Axes`]: the C interface would compute another checksum.
-pub fn text(robot: &AnyRobotFile) -> Result<String, HeaderError> {
-    let mut header = Header(String::new());
+pub fn text(robot: &AnyRobotFile, prefix: &Prefix) -> Result<String, HeaderError> {
+    let mut header = Header { text: String::new(), prefix: prefix.0.clone(), macros: prefix.0.to_uppercase() };
     match robot {
         AnyRobotFile::L2(robot) => header.machine(robot, |header| header.l2(robot)),
         AnyRobotFile::F1(robot) => {
             let same = f1::Robot::new(robot.model.geometry());
-            if same.map(|same| same.kinematics_checksum()) != Ok(robot.model.checksum()) {
+            if same.as_ref().map(f1::Robot::geometry) != Ok(robot.model.robot().geometry()) {
                 return Err(HeaderError::Axes(robot.name.clone()));
             }
             header.machine(robot, |header| header.f1(robot));
         }
     }
-    Ok(header.0)
+    Ok(header.text)
 }
 
-/// Text of the header so far.
-struct Header(String);
+/// A header so far.
+struct Header {
+    text: String,
+    /// First part of the names of constants.
+    prefix: String,
+    /// The same of macros.
+    macros: String,
+}
 
 impl Header {
     fn line(&mut self, text: impl AsRef<str>) {
-        self.0.push_str(text.as_ref());
-        self.0.push('\n');
+        self.text.push_str(text.as_ref());
+        self.text.push('\n');
     }
 
     fn define(&mut self, name: &str, value: impl std::fmt::Display) {
-        self.line(format!("#define GANTRY_TAU_{name} {value}"));
+        self.line(format!("#define {}_{name} {value}", self.macros));
     }
 
-    /// A field of the geometry.
+    /// Begins a constant, with a comment.
+    fn constant(&mut self, comment: &str, kind: &str, name: &str) {
+        self.line(format!("\n/* {comment} */\nstatic const {kind} {}_{name} = {{", self.prefix));
+    }
+
+    fn end(&mut self) {
+        self.line("};");
+    }
+
+    /// A constant that is an array; `size` is a number or one of the header's macros.
+    fn array(&mut self, comment: &str, kind: &str, name: &str, size: &str, values: &str) {
+        self.line(format!("\n/* {comment} */\nstatic const {kind} {}_{name}[{size}] = {values};", self.prefix));
+    }
+
+    /// A field of a struct.
     fn field(&mut self, name: &str, value: impl AsRef<str>) {
         self.line(format!("    .{name} = {},", value.as_ref()));
     }
@@ -85,31 +131,74 @@ impl Header {
         robot: &RobotFile<K, N>,
         geometry: impl FnOnce(&mut Self),
     ) {
+        let (axes, motors) = (format!("{}_AXES", self.macros), format!("{}_MOTORS", self.macros));
         self.line("/* A machine for the C interface of gantry-tau. Written by `gantry-tau header`. Do not edit. */");
-        self.line("#ifndef GANTRY_TAU_MACHINE_H\n#define GANTRY_TAU_MACHINE_H\n\n#include \"gantry_tau.h\"\n");
-        self.line(format!("#define GANTRY_TAU_MODEL_{}", K::MODEL.to_uppercase()));
+        let guard = format!("{}_MACHINE_H", self.macros);
+        self.line(format!("#ifndef {guard}\n#define {guard}\n\n#include \"gantry_tau.h\"\n"));
+        self.line(format!("#define {}_MODEL_{}", self.macros, K::MODEL.to_uppercase()));
         self.define("ROBOT", string(&robot.name));
         self.define("AXES", N);
         self.define("MOTORS", robot.motors.axis_of_motor.len());
-        self.define("KINEMATICS_CHECKSUM", format!("0x{:08x}u", robot.model.checksum()));
-        self.line(format!("\nstatic const struct gt_{}_geometry gantry_tau_geometry = {{", K::MODEL));
+        self.define("KINEMATICS_CHECKSUM", format!("0x{:08x}u", robot.checksum()));
+        self.constant(
+            "Geometry, with the length of one unit of each axis.",
+            &format!("gt_{}_geometry", K::MODEL),
+            "geometry",
+        );
         geometry(self);
         self.field("metres_per_q", list(&robot.metres_per_q));
-        self.line("};\n\n/* Home of the tool centre point, world axes, m. */");
-        self.line(format!("static const double gantry_tau_home_m[3] = {};\n", vector(&robot.home_m())));
-        self.line("/* Length of one unit of each axis, m. */");
-        let metres_per_q = list(&robot.metres_per_q);
-        self.line(format!("static const double gantry_tau_metres_per_q[GANTRY_TAU_AXES] = {metres_per_q};\n"));
-        self.line("/* Limits of the offsets and travel of each axis. */");
-        self.line("static const struct gt_axis_config gantry_tau_limits[GANTRY_TAU_AXES] = {");
+        self.end();
+        let (home_m, metres_per_q) = (vector(&robot.home_m()), list(&robot.metres_per_q));
+        self.array("Home of the tool centre point, world axes, m.", "double", "home_m", "3", &home_m);
+        self.array("Length of one unit of each axis, m.", "double", "metres_per_q", &axes, &metres_per_q);
+        self.constant("Limits of the offsets and travel of each axis.", "gt_axis_config", &format!("limits[{axes}]"));
         for axis in &robot.limits {
             self.limits(axis);
         }
-        self.line("};\n\n/* Axis of each motor. */");
+        self.end();
         let axis_of_motor = list(&robot.motors.axis_of_motor);
-        self.line(format!(
-            "static const uint8_t gantry_tau_axis_of_motor[GANTRY_TAU_MOTORS] = {axis_of_motor};\n\n#endif"
-        ));
+        self.array("Axis of each motor.", "uint8_t", "axis_of_motor", &motors, &axis_of_motor);
+        self.springs(robot);
+        self.sensor(&robot.sensor);
+        self.line("\n#endif");
+    }
+
+    /// Springs, share and limits of the correction; absent in a file without compliances.
+    fn springs<K: MachineKind<N>, const N: usize>(&mut self, robot: &RobotFile<K, N>) {
+        self.line(
+            "\n/* 1: the robot file has compliances, and there is a compensator; 0: it must be identified first. */",
+        );
+        self.define("HAS_COMPENSATOR", u8::from(robot.compliances.is_some()));
+        self.line(
+            "/* 1: correct by the exact map (gt_..._exact_correction); 0: to first order (gt_..._correction). */",
+        );
+        self.define("EXACT_CORRECTION", u8::from(robot.correction() == CorrectionKind::Exact));
+        self.line("/* Joints between platform and tool that give way; the C interface does not correct for them. */");
+        self.define("WRIST_JOINTS", robot.wrist.len());
+        let Some(compliances) = &robot.compliances else { return };
+        let about = "Compliances of links and axes, limits of position offsets, and share of the correction.";
+        self.constant(about, "gt_compensator_config", "compensator");
+        self.field("link_m_per_n", list(compliances.link_m_per_n()));
+        self.field("axis_per_n", list(compliances.cart_m_per_n()));
+        self.field("limits_nm", list(&robot.limits.map(|axis| axis.limits.position.max())));
+        self.field("gain", format!("{:?}", robot.client.gain));
+        self.end();
+    }
+
+    fn sensor(&mut self, sensor: &Sensor) {
+        self.constant(
+            "Force sensor: mounting, tool and filter, for one sample per cycle.",
+            "gt_sensor_config",
+            "sensor",
+        );
+        self.field("rotation", rows(&matrix(sensor.rotation)));
+        self.field("lever_m", list(&sensor.lever_m));
+        self.field("tool_weight_n", list(&sensor.tool.weight_n));
+        self.field("tool_centre_m", list(&sensor.tool.centre_m));
+        self.field("cutoff_hz", format!("{:?}", sensor.cutoff_hz));
+        self.field("cycle_s", format!("{:?}", f64::from(CYCLE_US) * 1e-6));
+        self.field("tare_samples", sensor.tare_samples.to_string());
+        self.end();
     }
 
     fn l2(&mut self, robot: &RobotFile<crate::model::L2, { l2::AXES }>) {
@@ -214,5 +303,15 @@ mod tests {
     fn any_name_is_one_literal() {
         assert_eq!(string("a b"), "\"a b\"");
         assert_eq!(string("\"\\?\u{e9}\n1"), "\"\\042\\134\\077\\303\\251\\0121\"");
+    }
+
+    /// A prefix is the beginning of a name in C.
+    #[test]
+    fn a_prefix_is_the_beginning_of_a_name() {
+        assert_eq!("gantry_tau".parse(), Ok(Prefix::default()));
+        assert!("l2".parse::<Prefix>().is_ok());
+        for wrong in ["", "2l", "_l2", "l 2", "L2", "l2;", "\u{e9}"] {
+            assert!(wrong.parse::<Prefix>().is_err(), "{wrong:?}");
+        }
     }
 }

@@ -29,8 +29,8 @@ pub trait MachineKind<const N: usize>: Clone + fmt::Debug + Send + Sync + 'stati
     /// `model` of its robot files and set-ups.
     const MODEL: &'static str;
 
-    /// Returns the CRC-32 of the parameters that decide the kinematics; the client compares it with the server's.
-    fn checksum(&self) -> u32;
+    /// Returns the CRC-32 of the parameters that decide the kinematics, and of the length of one unit of each `q`, m.
+    fn checksum(&self, metres_per_q: &[f64; N]) -> u32;
 
     /// Returns the geometry, link by link.
     fn geometry(&self) -> Geometry;

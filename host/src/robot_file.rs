@@ -209,6 +209,12 @@ impl<K, const N: usize> RobotFile<K, N> {
 }
 
 impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
+    /// Checksum of the kinematics, `metres_per_q` included; the client compares it with the server's.
+    #[must_use]
+    pub fn checksum(&self) -> u32 {
+        self.model.checksum(&self.metres_per_q)
+    }
+
     /// A machine of this kind, as of [`AnyRobotFile::named`].
     ///
     /// # Errors

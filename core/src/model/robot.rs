@@ -187,7 +187,8 @@ impl<const N: usize> Compliances<N> {
     }
 }
 
-/// CRC-32 of the numbers' little-endian bits, zeros without their sign.
+/// CRC-32 of the numbers' little-endian bits, zeros without their sign. The numbers of a machine are those that turn positions of its axes
+/// into poses, and loads into positions: `metres_per_q` is one of them.
 pub(super) fn checksum(numbers: impl Iterator<Item = f64>) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     for number in numbers {

@@ -1,6 +1,7 @@
 /*
  * Kinematics and compensation of both machines: the offset of each axis for a pose and a load.
  *
+ * Geometry, springs and sensor come from headers that `gantry-tau header l2 --prefix l2` and `gantry-tau header f1 --prefix f1` write.
  * Every number is printed as its 64 bits and rounded.
  */
 #include <inttypes.h>
@@ -9,7 +10,12 @@
 #include <string.h>
 
 #include "gantry_tau.h"
-#include "machines.h"
+#include "f1.h"
+#include "l2.h"
+
+#if !L2_HAS_COMPENSATOR || !F1_HAS_COMPENSATOR || L2_WRIST_JOINTS || F1_WRIST_JOINTS
+#error "needs machines with springs and without joints of a wrist"
+#endif
 
 static GT_MEMORY(GT_L2_SIZE) l2_memory;
 static GT_MEMORY(GT_F1_SIZE) f1_memory;
@@ -54,12 +60,7 @@ static void print_correction(const char *what, const gt_correction *correction, 
 
 static void three_axes(void)
 {
-    const gt_compensator_config config = {
-        .link_m_per_n = {5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7},
-        .axis_per_n = {4.06e-8, 5.09e-8, 6.00e-8},
-        .limits_nm = {2000000, 150000, 2000000}, /* the second one is reached */
-        .gain = 1,
-    };
+    gt_compensator_config config = l2_compensator;
     const double tcp_m[3] = {0.0, 0.5, 0.65};
     int64_t positions_nm[3];
     double back_m[3], jacobian[9], forces_n[6], loads[3];
@@ -68,6 +69,7 @@ static void three_axes(void)
     gt_correction correction;
     gt_error error;
 
+    config.limits_nm[1] = 150000; /* is reached */
     check("l2", gt_l2_init(&l2_memory, sizeof l2_memory, &l2_geometry, &machine, &error), &error);
     check("inverse", gt_l2_inverse(machine, tcp_m, positions_nm, &error), &error);
     check("forward", gt_l2_forward(machine, positions_nm, back_m, &error), &error);
@@ -88,12 +90,6 @@ static void three_axes(void)
 
 static void six_axes(void)
 {
-    const gt_compensator_config config = {
-        .link_m_per_n = {5.0e-7, 6.0e-7, 5.5e-7, 7.0e-7, 6.5e-7, 6.0e-7},
-        .axis_per_n = {4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6},
-        .limits_nm = {5000000, 5000000, 5000000, 5000000, 5000000, 5000000},
-        .gain = 1,
-    };
     /* Turned by 0.1 rad about z. */
     const gt_pose pose = {
         .position_m = {0.05, 0.02, 0.45},
@@ -131,7 +127,7 @@ static void six_axes(void)
     print("f1 link force", forces_n, 6);
     print("f1 axis load", loads, 6);
 
-    check("f1 compensator", gt_f1_compensator_init(&f1_compensator_memory, sizeof f1_compensator_memory, machine, &config, &compensator, &error), &error);
+    check("f1 compensator", gt_f1_compensator_init(&f1_compensator_memory, sizeof f1_compensator_memory, machine, &f1_compensator, &compensator, &error), &error);
     check("correction", gt_f1_correction(compensator, tracker, positions_nm, &load, &correction, &error), &error);
     print_correction("f1 correction", &correction, 6);
     check("exact", gt_f1_exact_correction(compensator, tracker, positions_nm, &load, &correction, &error), &error);
@@ -141,21 +137,14 @@ static void six_axes(void)
 /* Two samples of tare, then the load settles through the low-pass. */
 static void sensor(void)
 {
-    const gt_sensor_config config = {
-        .rotation = {{0, -1, 0}, {1, 0, 0}, {0, 0, 1}},
-        .lever_m = {0, 0, -0.08},
-        .tool_weight_n = {0, 0, -18},
-        .tool_centre_m = {0.01, 0, -0.12},
-        .cutoff_hz = 20,
-        .cycle_s = 1e-3,
-        .tare_samples = 2,
-    };
+    gt_sensor_config config = l2_sensor;
     const gt_pose upright = {.rotation = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}; /* of an F1: gt_f1_tracker_pose */
     gt_wrench raw = {.force_n = {1, 2, 3}, .moment_nm = {0, 0, 0}}, out;
     gt_sensor *object;
     gt_error error;
     uint32_t taring = 0;
 
+    config.tare_samples = 2;
     check("sensor", gt_sensor_init(&sensor_memory, sizeof sensor_memory, &config, &object, &error), &error);
     for (int sample = 0; sample < 50; sample++) {
         if (sample == 2) {

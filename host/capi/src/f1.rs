@@ -46,7 +46,7 @@ pub struct gt_f1_geometry {
     pub has_travel: u8,
     /// Range of each q, lower and upper end, q-units; rad for the last three.
     pub travel: [[f64; 2]; 6],
-    /// Length of one unit of each q, m: |V_i| for a cart, the screw's law for a plate.
+    /// Length of one unit of each q by the drives' count, m: |V_i| to a percent for a cart, the screw's law for a plate.
     pub metres_per_q: [f64; 6],
 }
 
@@ -63,6 +63,10 @@ impl Object for F1 {
 }
 
 impl F1 {
+    fn checksum(&self) -> u32 {
+        self.kinematics.checksum(&self.scale.0)
+    }
+
     fn new(geometry: &gt_f1_geometry) -> Reply<Self> {
         let robot = f1::Robot::new(f1::Geometry {
             carts_m: vectors(geometry.carts_m),
@@ -104,7 +108,7 @@ pub unsafe extern "C" fn gt_f1_init(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_checksum(machine: *const gt_f1, checksum: *mut u32) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe { answer(checksum, null_mut(), || Ok(object::<F1>(machine)?.kinematics.robot().kinematics_checksum())) }
+    unsafe { answer(checksum, null_mut(), || Ok(object::<F1>(machine)?.checksum())) }
 }
 
 /// Inverse kinematics: positions (nm, rounded) for a pose.

@@ -35,7 +35,7 @@ pub struct gt_l2_geometry {
     pub has_travel: u8,
     /// Range of each q, lower and upper end, q-units.
     pub travel: [[f64; 2]; GT_ARMS],
-    /// Length of one unit of each q, m: |v_i|.
+    /// Length of one unit of each q by the drives' count, m: |v_i| to a percent.
     pub metres_per_q: [f64; GT_ARMS],
 }
 
@@ -52,6 +52,10 @@ impl Object for L2 {
 }
 
 impl L2 {
+    fn checksum(&self) -> u32 {
+        self.kinematics.checksum(&self.scale.0)
+    }
+
     fn new(geometry: &gt_l2_geometry) -> Reply<Self> {
         let [forward] = branches([geometry.forward_branch], l2::AXES)?;
         let robot = l2::Robot::new(l2::Geometry {
@@ -84,11 +88,11 @@ pub unsafe extern "C" fn gt_l2_init(
     unsafe { create(memory, size, machine, error, || L2::new(&read(geometry)?)) }
 }
 
-/// Returns the CRC-32 over the kinematic parameters (wire.md), for kinematics_checksum of a server; the client compares it with its own.
+/// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for kinematics_checksum of a server; the client compares it with its own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u32) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe { answer(checksum, null_mut(), || Ok(object::<L2>(machine)?.kinematics.robot().kinematics_checksum())) }
+    unsafe { answer(checksum, null_mut(), || Ok(object::<L2>(machine)?.checksum())) }
 }
 
 /// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's

@@ -111,17 +111,22 @@ pub(crate) fn travel<const N: usize>(has: u8, ranges: [[f64; 2]; N]) -> Option<[
     (has != 0).then(|| ranges.map(|[lower, upper]| (lower, upper)))
 }
 
+/// Largest deviation of a cart's metres_per_q, the drive's count, from the length of its guideway, which calibration finds; relative. The
+/// same as of a robot file.
+const SCALE_TOLERANCE: f64 = 0.01;
+
 /// Length of one unit of each q, m: converts between nanometres and q-units.
 #[derive(Clone, Copy)]
 pub(crate) struct Scale<const N: usize>(pub(crate) [f64; N]);
 
 impl<const N: usize> Scale<N> {
-    /// Checks the conversion; a cart's is the length of its guideway.
+    /// Checks the conversion; a cart's is the length of its guideway, to a percent.
     pub(crate) fn new(metres_per_q: [f64; N], guideways: &[[f64; 3]; GT_ARMS]) -> Reply<Self> {
         let mut lengths = guideways.iter().map(|guideway| norm(&Vector3::from(*guideway)));
         for (axis, metres) in metres_per_q.iter().enumerate() {
-            let (lower, upper) =
-                lengths.next().map_or(SCALE_RANGE, |length| (length * (1.0 - 1e-9), length * (1.0 + 1e-9)));
+            let (lower, upper) = lengths
+                .next()
+                .map_or(SCALE_RANGE, |length| (length * (1.0 - SCALE_TOLERANCE), length * (1.0 + SCALE_TOLERANCE)));
             let refused = |code| gt_error::new(code).of(gt_parameter::MetresPerQ).at(axis);
             if !metres.is_finite() {
                 return Err(refused(gt_code::RobotNotFinite));

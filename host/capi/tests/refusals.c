@@ -6,7 +6,8 @@
 #include <string.h>
 
 #include "gantry_tau.h"
-#include "../examples/machines.h"
+#include "../examples/f1.h"
+#include "../examples/l2.h"
 
 static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory;
 static int refused;
@@ -351,6 +352,8 @@ static void machines(void)
     geometry.metres_per_q[1] = 1000; /* in millimetres beside a guideway of one metre */
     EXPECT(ROBOT_OUT_OF_RANGE, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     ABOUT(1, METRES_PER_Q, 0);
+    geometry.metres_per_q[1] = 1.02; /* more than calibration finds */
+    EXPECT(ROBOT_OUT_OF_RANGE, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));
     geometry.metres_per_q[1] = 1;
     geometry.cart_joints_m[4][2] += 1e-3;
     EXPECT(ORIENTATION_NOT_TAU, gt_l2_init(&f1_memory, sizeof f1_memory, &geometry, &l2, &error));

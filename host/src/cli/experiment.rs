@@ -178,8 +178,8 @@ impl Experiment {
         };
         let client = client.downcast::<RobotFile<K, N>>();
         let client = client.map_err(|_| format!("{named}: is not of the machine's kind, {:?}", K::MODEL))?;
-        if client.model.checksum() != robot.model.checksum() {
-            return Err(format!("{named}: its geometry is not that of {}", robot.name).into());
+        if client.checksum() != robot.checksum() {
+            return Err(format!("{named}: its geometry or metres_per_q is not that of {}", robot.name).into());
         }
         Ok(*client)
     }

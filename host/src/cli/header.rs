@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use gantry_tau::header::HeaderOptions;
+use gantry_tau::header::{HeaderOptions, Prefix};
 use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::terminal::say;
 
@@ -12,8 +12,8 @@ use super::Outcome;
 
 /// Write a machine as a C header, for programs over the C interface and for LinuxCNC
 ///
-/// Geometry, home, limits of offsets, travel and the motors of each axis, with the types of `gantry_tau.h` (`host/capi`), and the
-/// checksum of the kinematics.
+/// Geometry, home, limits of offsets, travel, the motors of each axis, springs and force sensor, with the types of `gantry_tau.h`
+/// (`host/capi`), and the checksum of the kinematics: what a server and a compensating client need.
 #[derive(Debug, Args)]
 pub(crate) struct Header {
     /// The machine: l2 or f1 (built in), or a robot file
@@ -22,11 +22,15 @@ pub(crate) struct Header {
     /// Output file; an existing one is replaced
     #[arg(short, long, value_name = "FILE.h", default_value = "machine.h")]
     output: PathBuf,
+    /// First part of every name in the header; a program with two machines gives each its own
+    #[arg(long, value_name = "NAME", default_value = "gantry_tau")]
+    prefix: Prefix,
 }
 
 impl Header {
     pub(super) fn run(self) -> Outcome {
-        let options = HeaderOptions { robot: AnyRobotFile::named(&self.robot)?, output: self.output };
+        let options =
+            HeaderOptions { robot: AnyRobotFile::named(&self.robot)?, prefix: self.prefix, output: self.output };
         gantry_tau::header::run(&options)?;
         say(format_args!("{}: written to {}", self.robot, options.output.display()));
         Ok(ExitCode::SUCCESS)

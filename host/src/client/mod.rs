@@ -126,6 +126,9 @@ impl From<protocol::ClientError> for ClientError {
             protocol::ClientError::GoodbyeUnheard { states } => {
                 Self::Vanished(format!("it has not acknowledged the Goodbye within {states} States"))
             }
+            error @ protocol::ClientError::Checksum { .. } => Self::Incompatible(format!(
+                "{error}: geometry or metres_per_q differ; give both the same robot file (--robot)"
+            )),
             error => Self::Incompatible(error.to_string()),
         }
     }

@@ -65,7 +65,7 @@ pub fn run_observed<K: MachineKind<N>, const N: usize>(
     let requirements = Requirements {
         capabilities: Capabilities::LOCKSTEP,
         cycle_us: Some(CYCLE_US),
-        kinematics_checksum: Some(options.robot.model.checksum()),
+        kinematics_checksum: Some(options.robot.checksum()),
     };
     let mut link = Connection::open(options.transport, options.server, SILENCE, requirements)?;
     let sensor = ForceSensor::connect(&options.sensor).map_err(|error| ClientError::Unreachable {

@@ -22,8 +22,8 @@ pub type F1 = Kinematics;
 impl MachineKind<AXES> for F1 {
     const MODEL: &'static str = "f1";
 
-    fn checksum(&self) -> u32 {
-        self.robot().kinematics_checksum()
+    fn checksum(&self, metres_per_q: &[f64; AXES]) -> u32 {
+        Self::checksum(self, metres_per_q)
     }
 
     fn geometry(&self) -> Geometry {

@@ -21,8 +21,8 @@ pub type L2 = Kinematics;
 impl MachineKind<AXES> for L2 {
     const MODEL: &'static str = "l2";
 
-    fn checksum(&self) -> u32 {
-        self.robot().kinematics_checksum()
+    fn checksum(&self, metres_per_q: &[f64; AXES]) -> u32 {
+        Self::checksum(self, metres_per_q)
     }
 
     fn geometry(&self) -> f1::Geometry {

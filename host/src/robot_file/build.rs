@@ -41,7 +41,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
     /// [`RobotFileError`] for limits the core refuses.
     pub fn session_config(&self, capabilities: Capabilities) -> Result<Config<N>, RobotFileError> {
         let thesis = Parameters::thesis(self.limits);
-        Config::new(Parameters { capabilities, kinematics_checksum: self.model.checksum(), ..thesis })
+        Config::new(Parameters { capabilities, kinematics_checksum: self.checksum(), ..thesis })
             .map_err(|error| self.refuse("axes", error))
     }
 

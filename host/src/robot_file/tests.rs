@@ -62,12 +62,16 @@ fn home_is_where_the_files_say() {
 
 #[test]
 fn the_checksum_sees_the_kinematics_and_nothing_else() {
-    let checksum = |text: &str| RobotFile::read::<L2Keys>("x", text).unwrap().model.checksum();
+    let checksum = |text: &str| RobotFile::read::<L2Keys>("x", text).unwrap().checksum();
     let ours = checksum(L2_TEXT);
     assert_eq!(ours, checksum(&L2_TEXT.replace("gain = 1.0", "gain = 0.5")));
     assert_eq!(ours, checksum(&L2_TEXT.replace("0.0, 0.0],\n    [1.0", "-0.0, 0.0],\n    [1.0")));
     assert_ne!(ours, checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.1000000000000003")));
     assert_ne!(ours, checksum(&L2_TEXT.replace("L = [1.0, 1.1", "L = [1.0, 1.2")));
+    assert_ne!(
+        ours,
+        checksum(&L2_TEXT.replace("metres_per_q = [1.0, 1.0, 1.0]", "metres_per_q = [1.0, 1.0, 1.0000000000000002]"))
+    );
 }
 
 #[test]

@@ -34,3 +34,34 @@ fn a_bad_machine_or_place_is_named() {
     assert!(said.contains("no/such/machine.h"), "{said}");
     assert!(!folder.path("machine.h").exists());
 }
+
+/// The examples in C include headers that are committed. `GT_WRITE_HEADER=1` writes them again.
+#[test]
+fn the_headers_of_the_examples_are_those_of_the_robot_files() {
+    let folder = Folder::new("header_examples");
+    for robot in ["l2", "f1"] {
+        folder.run(&["header", robot, "--prefix", robot]).success();
+        let header = folder.read("machine.h");
+        let committed = format!("{}/capi/examples/{robot}.h", env!("CARGO_MANIFEST_DIR"));
+        if std::env::var_os("GT_WRITE_HEADER").is_some() {
+            std::fs::write(&committed, &header).unwrap();
+        }
+        let committed = std::fs::read_to_string(committed).unwrap();
+        assert_eq!(committed, header, "gantry-tau header {robot} --prefix {robot} -o host/capi/examples/{robot}.h");
+    }
+}
+
+/// A file without compliances, before `identify`, has no compensator; the header says so.
+#[test]
+fn a_machine_without_springs_has_no_compensator() {
+    let folder = Folder::new("header_springs");
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../robots/l2.toml")).unwrap();
+    let without: String = text.lines().filter(|line| !line.starts_with("c_")).map(|line| format!("{line}\n")).collect();
+    std::fs::write(folder.path("bare.toml"), without).unwrap();
+    folder.run(&["header", "bare.toml"]).success();
+    let header = folder.read("machine.h");
+    assert!(header.contains("#define GANTRY_TAU_HAS_COMPENSATOR 0\n"), "{header}");
+    assert!(!header.contains("gantry_tau_compensator") && header.contains("gantry_tau_sensor"), "{header}");
+    let said = folder.run(&["header", "l2", "--prefix", "2"]).failure(2);
+    assert!(said.contains("beginning with a letter"), "{said}");
+}

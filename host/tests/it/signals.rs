@@ -210,3 +210,19 @@ fn a_peer_that_is_not_allowed_is_closed_silently() {
     let line = folder.run(&["serve", "--allow", "nowhere"]).failure(1);
     assert!(line.contains("nowhere"), "{line}");
 }
+
+/// A client whose screws have another lead would correct by another share than it computes: it is refused before it moves anything.
+#[test]
+fn a_client_with_another_lead_is_refused() {
+    let folder = Folder::new("lead");
+    let (server, [address, sensor]) = serve(&folder, &["--robot", "f1"]);
+    let text = include_str!("../../../robots/f1.toml");
+    let lead = "metres_per_q = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1]";
+    assert!(text.contains(lead));
+    // The travel in metres stays the same; of the plates it is then a smaller angle.
+    folder.write("other.toml", &text.replace(lead, "metres_per_q = [1.0, 1.0, 1.0, 0.1, 0.1, 0.11]"));
+    let client = ["client", &address, "--sensor", &sensor, "--robot", "other.toml"];
+    let said = folder.run(&client).failure(5);
+    assert!(said.contains("the server's machine has checksum ") && said.contains("metres_per_q differ"), "{said}");
+    server.stop().success();
+}

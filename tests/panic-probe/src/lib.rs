@@ -176,7 +176,7 @@ pub extern "C" fn client_of_six(
         let at = lines.and_then(|lines| compensator.correct_of(&lines, &pose.value, &there.value, &load));
         let at = at.or(compensator.correct_at(&pose.value, &there.value, &load));
         let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
-        let sum = f64::from(robot.kinematics_checksum())
+        let sum = f64::from(kinematics.checksum(metres_per_q))
             + jacobian.map_or(0.0, |jacobian| jacobian.sum())
             + compliance.map_or(0.0, |compliance| compliance.0.sum())
             + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())

@@ -1,6 +1,7 @@
 //! `wire.md` against the encoder and decoder.
 
 use gantry_tau::measurements::springs;
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau::{gauge_link, record_link};
 use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
 
@@ -35,4 +36,32 @@ fn the_specification_names_the_sizes_of_the_gauge_link() {
     for expected in [format!("{head} bytes"), format!("at most {longest}"), format!("at most {gauges}")] {
         assert!(section.contains(&expected), "{expected}");
     }
+}
+
+/// The checksum of the kinematics, computed from robot files as the page says.
+#[test]
+fn the_checksum_is_that_of_the_specification() {
+    fn numbers(value: &toml::Value) -> Vec<f64> {
+        match value {
+            toml::Value::Array(values) => values.iter().flat_map(numbers).collect(),
+            toml::Value::Integer(sign) => vec![if *sign < 0 { -1.0 } else { 1.0 }],
+            other => vec![other.as_float().unwrap()],
+        }
+    }
+    let checksum = |text: &str, before: &[&str], rotation: &[f64]| {
+        let file: toml::Table = toml::from_str(text).unwrap();
+        let mut all: Vec<f64> = before.iter().flat_map(|key| numbers(&file[*key])).collect();
+        all.extend(rotation);
+        all.extend(numbers(&file["axes"]["metres_per_q"]));
+        // Zeros without sign.
+        let bytes: Vec<u8> = all.iter().flat_map(|number| (number + 0.0).to_le_bytes()).collect();
+        gantry_tau_tests::client::crc32(&bytes)
+    };
+    let l2 = include_str!("../../../robots/l2.toml");
+    let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let said = checksum(l2, &["A0", "V", "b", "L", "c", "cf"], &identity);
+    assert_eq!(RobotFile::builtin_l2().unwrap().checksum(), said);
+    let f1 = include_str!("../../../robots/f1.toml");
+    let said = checksum(f1, &["C", "V", "P", "b", "L", "c", "ax", "ax6", "sigma4", "sigma5"], &[]);
+    assert_eq!(RobotFile::builtin_f1().unwrap().checksum(), said);
 }

@@ -8,7 +8,7 @@ use crate::model::kinematics::{
     KinematicsError, Pose, RESIDUAL_TOLERANCE, ROTATION_TOLERANCE, SINGULARITY_TOLERANCE, TAU_TOLERANCE,
 };
 use crate::model::linalg::{norm, rotation_deviation, sqrt, times};
-use crate::model::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M};
+use crate::model::robot::{ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, checksum};
 use crate::model::statics::LineMatrix;
 
 /// Farthest a cart may stand from `q = 0`, in lengths of its link. Farther out, rounding alone (`foot^2` ulps, see [`Arm::reach`])
@@ -158,6 +158,16 @@ impl Kinematics {
     #[must_use]
     pub const fn robot(&self) -> &Robot {
         &self.robot
+    }
+
+    /// Returns the CRC-32 of everything that turns positions of the drives into poses, and loads into positions: `A0`, `V`, `b`, `L`, `c`,
+    /// `cf`, the orientation `R` row by row, and `metres_per_q`, the length of one unit of each `q`, m; as little-endian `f64` bits, in that
+    /// order, zeros without their sign. Travel, springs and sensor are not part of it.
+    #[must_use]
+    pub fn checksum(&self, metres_per_q: &[f64; AXES]) -> u32 {
+        // nalgebra counts by columns.
+        let rows: [[f64; 3]; 3] = self.rotation.transpose().into();
+        checksum(self.robot.numbers().chain(rows.as_flattened().iter().copied()).chain(*metres_per_q))
     }
 
     /// Pose with the tool centre point at `position_m` (world axes, metres), in the constant orientation.

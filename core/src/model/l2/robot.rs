@@ -7,7 +7,7 @@ use crate::model::kinematics::{KinematicsError, Pose, directions};
 use crate::model::linalg::{max_propagating_nan, norm, times};
 use crate::model::robot::{
     ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitudes, check_travel,
-    check_vectors, checksum,
+    check_vectors,
 };
 use crate::model::statics::LineMatrix;
 
@@ -66,17 +66,14 @@ impl Robot {
         &self.geometry
     }
 
-    /// Returns the CRC-32 of the parameters that decide the kinematics (`A0`, `V`, `b`, `L`, `c`, `cf`, as little-endian `f64` bits, in that order;
-    /// zeros without their sign). Two machines that compute the same positions agree on it; travel is not part of it.
-    #[must_use]
-    pub fn kinematics_checksum(&self) -> u32 {
+    /// Returns the numbers that decide the kinematics: `A0`, `V`, `b`, `L`, `c`, `cf`, in that order.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = f64> {
         let geometry = &self.geometry;
         let vectors = (geometry.cart_joints_m.iter()).chain(&geometry.guideways).chain(&geometry.platform_joints_m);
         let branches = (geometry.configuration.inverse.iter())
             .chain([&geometry.configuration.forward])
             .map(|branch| branch.sign());
-        let numbers = (vectors.flat_map(|vector| vector.iter().copied())).chain(geometry.lengths_m).chain(branches);
-        checksum(numbers)
+        (vectors.flat_map(|vector| vector.iter().copied())).chain(geometry.lengths_m).chain(branches)
     }
 
     /// Returns the largest error of the six link lengths in this pose with these positions (q-units), in metres `[T 3.4]`;

@@ -40,14 +40,11 @@ impl F1 {
     /// Builds the machine of `robots/f1.toml`.
     pub(crate) fn new() -> Result<Self, SetupError> {
         let (robot, springs) = robots::f1().map_err(|_| SetupError::Robot)?;
+        let kinematics = f1::Kinematics::new(&robot);
         Ok(Self {
-            checksum: robot.kinematics_checksum(),
-            compensator: f1::Compensator::new(
-                &f1::Kinematics::new(&robot),
-                &springs,
-                robots::compensation(robots::F1_METRES_PER_Q),
-            )
-            .map_err(|_| SetupError::Compensation)?,
+            checksum: kinematics.checksum(&robots::F1_METRES_PER_Q),
+            compensator: f1::Compensator::new(&kinematics, &springs, robots::compensation(robots::F1_METRES_PER_Q))
+                .map_err(|_| SetupError::Compensation)?,
             result: UNSOLVED,
             has_plates: false,
         })

@@ -1,23 +1,24 @@
-//! `examples/compensation.c` and core: every number agrees to the bit. The machines come from `robots/`, which shows that the example's
-//! are the same.
+//! `examples/compensation.c` and core: every number agrees to the bit. Here the machines come from `robots/`, there from the headers that
+//! `gantry-tau header` writes of them. Offsets agree with the robot file's own compensator as well.
 
 use std::fmt::Write as _;
 
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau::model::MachineKind;
+use gantry_tau::robot_file::{CYCLE_US, CorrectionKind, RobotFile};
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::Pose;
-use gantry_tau_core::model::robot::Compliances;
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
-use gantry_tau_core::model::{f1, l2, presets};
+use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use libtest_mimic::Failed;
 use nalgebra::{Matrix3, Vector3};
 
 use super::tools::{Program, assert_lines};
 
-/// Length of one q-unit of each axis of the F1, m.
-const METRES_PER_Q: [f64; 6] = [1.0, 1.0, 1.0, 0.05, 0.05, 0.05];
+/// Largest difference of an offset from that of the robot file's compensator, nm. That one applies the limits where it adds the wrist's share,
+/// with a second rounding to whole nanometres.
+const TOLERANCE_NM: i32 = 1;
 
 pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
     let program = Program::compile("examples/compensation.c", compiler, flags)?;
@@ -78,9 +79,30 @@ fn q_units<const N: usize>(positions: &[PositionNm; N], metres_per_q: [f64; N]) 
     std::array::from_fn(|axis| positions[axis].to_metres().0 / metres_per_q[axis])
 }
 
+/// Compares corrections with those of the robot file's compensator, which a client of gantry-tau uses.
+fn is_the_files<K: MachineKind<N>, const N: usize>(
+    file: &RobotFile<K, N>,
+    limits: [OffsetNm; N],
+    positions: &[PositionNm; N],
+    corrections: [(CorrectionKind, &Correction<N>); 2],
+) {
+    for (kind, correction) in corrections {
+        let mut file = file.clone();
+        file.client.correction = Some(kind);
+        let mut compensator = file.compensator(limits).unwrap();
+        let pose = compensator.locate(positions).unwrap();
+        let theirs = compensator.correct(&pose, positions, &load()).unwrap();
+        assert_eq!(theirs.saturated, correction.saturated, "{kind:?}");
+        for (ours, theirs) in correction.offsets.iter().zip(theirs.offsets) {
+            assert!((ours.0 - theirs.0).abs() <= TOLERANCE_NM, "{kind:?}: {ours:?} {theirs:?}");
+        }
+    }
+}
+
 /// The machine of `robots/l2.toml`, first order and exact.
 fn three_axes(text: &mut String) {
-    let robot: l2::Robot = *RobotFile::builtin_l2().unwrap().model.robot();
+    let file = RobotFile::builtin_l2().unwrap();
+    let robot: l2::Robot = *file.model.robot();
     let nominal = l2::Kinematics::new(&robot, &Matrix3::identity()).unwrap();
     let tcp_m = Vector3::new(0.0, 0.5, 0.65);
     let (positions, q) = rounded(nominal.inverse_in_assembly(&tcp_m).unwrap(), [1.0; 3]);
@@ -91,15 +113,20 @@ fn three_axes(text: &mut String) {
     put_statics(text, "l2", "cart", &robot.line_matrix(&Pose::at(tcp_m), &q).unwrap());
 
     let limits = [2_000_000, 150_000, 2_000_000].map(OffsetNm);
-    let config = CompensatorConfig { gain: 1.0, limits, metres_per_q: [1.0; 3] };
-    let compensator = l2::Compensator::new(&nominal, &presets::l2_compliances(), config).unwrap();
-    put_offsets(text, "l2 correction", &compensator.correct(&positions, &load()).unwrap());
-    put_offsets(text, "l2 exact", &compensator.correct_exact_at(&pose, &q, &load()).unwrap());
+    let config = CompensatorConfig { gain: file.client.gain, limits, metres_per_q: file.metres_per_q };
+    let compensator = l2::Compensator::new(&nominal, file.compliances.as_ref().unwrap(), config).unwrap();
+    let first_order = compensator.correct(&positions, &load()).unwrap();
+    put_offsets(text, "l2 correction", &first_order);
+    let exact = compensator.correct_exact_at(&pose, &q, &load()).unwrap();
+    put_offsets(text, "l2 exact", &exact);
+    let corrections = [(CorrectionKind::FirstOrder, &first_order), (CorrectionKind::Exact, &exact)];
+    is_the_files(&file, limits, &positions, corrections);
 }
 
 /// The machine of `robots/f1.toml`, turned by 0.1 rad about z; three cycles of a tracker, and compensation by the same one.
 fn six_axes(text: &mut String) {
-    let kinematics = RobotFile::builtin_f1().unwrap().model;
+    let file = RobotFile::builtin_f1().unwrap();
+    let (kinematics, metres_per_q) = (file.model, file.metres_per_q);
     let (sine, cosine) = (0.09983341664682815, 0.995_004_165_278_025_8);
     let pose = Pose {
         position_m: Vector3::new(0.05, 0.02, 0.45),
@@ -107,42 +134,44 @@ fn six_axes(text: &mut String) {
     };
     let solved = kinematics.inverse(&pose, None).unwrap();
     assert!(solved.iterations > 0, "a pose that takes some work");
-    let (mut positions, _) = rounded(solved.value, METRES_PER_Q);
+    let (mut positions, _) = rounded(solved.value, metres_per_q);
     put(text, "f1 iterations", [solved.iterations]);
     put_positions(text, "f1 positions", &positions);
     let mut tracker = f1::PoseTracker::default();
     for cycle in 0..3 {
         positions[0].0 += 500_000;
-        let tracked = tracker.track(&kinematics, &q_units(&positions, METRES_PER_Q)).unwrap();
+        let tracked = tracker.track(&kinematics, &q_units(&positions, metres_per_q)).unwrap();
         writeln!(text, "{:<20} {cycle}  {}", "f1 tracked", tracked.iterations).unwrap();
         put_floats(text, "f1 position", tracked.value.position_m.as_slice());
     }
     let pose = tracker.last.unwrap();
-    let [_, _, _, q4, q5, q6] = q_units(&positions, METRES_PER_Q);
-    let (positions, q) = rounded(kinematics.inverse(&pose, Some([q4, q5, q6])).unwrap().value, METRES_PER_Q);
+    let [_, _, _, q4, q5, q6] = q_units(&positions, metres_per_q);
+    let (positions, q) = rounded(kinematics.inverse(&pose, Some([q4, q5, q6])).unwrap().value, metres_per_q);
     put_positions(text, "f1 positions", &positions);
     let lines = kinematics.line_matrix(&pose, &q).unwrap();
     put_floats(text, "f1 jacobian", lines.jacobian().unwrap().transpose().as_slice());
     put_statics(text, "f1", "axis", &lines);
 
-    let links = *presets::f1_compliances().link_m_per_n();
-    let springs = Compliances::new(links, [4.0e-6, 5.0e-6, 6.0e-6, 2.0e-6, 2.0e-6, 2.0e-6]).unwrap();
-    let config = CompensatorConfig { gain: 1.0, limits: [OffsetNm(5_000_000); 6], metres_per_q: METRES_PER_Q };
-    let compensator = f1::Compensator::new(&kinematics, &springs, config).unwrap();
-    let first_order = compensator.correct_at(&tracker.track(&kinematics, &q).unwrap().value, &q, &load());
-    put_offsets(text, "f1 correction", &first_order.unwrap());
-    let exact = compensator.correct_exact_at(&tracker.track(&kinematics, &q).unwrap().value, &q, &load());
-    put_offsets(text, "f1 exact", &exact.unwrap());
+    let limits = file.limits.map(|axis| OffsetNm(axis.limits.position.max()));
+    let config = CompensatorConfig { gain: file.client.gain, limits, metres_per_q };
+    let compensator = f1::Compensator::new(&kinematics, file.compliances.as_ref().unwrap(), config).unwrap();
+    let first_order = compensator.correct_at(&tracker.track(&kinematics, &q).unwrap().value, &q, &load()).unwrap();
+    put_offsets(text, "f1 correction", &first_order);
+    let exact = compensator.correct_exact_at(&tracker.track(&kinematics, &q).unwrap().value, &q, &load()).unwrap();
+    put_offsets(text, "f1 exact", &exact);
+    let corrections = [(CorrectionKind::FirstOrder, &first_order), (CorrectionKind::Exact, &exact)];
+    is_the_files(&file, limits, &positions, corrections);
 }
 
 /// Two samples of tare, then 48 of the load.
 fn sensor(text: &mut String) {
+    let keys = RobotFile::builtin_l2().unwrap().sensor;
     let mut sensor = ForceSensor::new(SensorConfig {
-        rotation: Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
-        lever_m: Vector3::new(0.0, 0.0, -0.08),
-        tool: Tool { weight_n: Vector3::new(0.0, 0.0, -18.0), centre_m: Vector3::new(0.01, 0.0, -0.12) },
-        cutoff_hz: 20.0,
-        cycle_s: 1e-3,
+        rotation: Matrix3::from(keys.rotation).transpose(),
+        lever_m: keys.lever_m.into(),
+        tool: keys.tool.into(),
+        cutoff_hz: keys.cutoff_hz,
+        cycle_s: f64::from(CYCLE_US) * 1e-6,
         tare_samples: 2,
     })
     .unwrap();

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use gantry_tau::header::{HeaderOptions, run as write_header};
+use gantry_tau::header::{HeaderOptions, Prefix, run as write_header};
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau_core::control::channel::Limits;
@@ -19,7 +19,11 @@ pub(super) fn compiles() -> Result<(), Failed> {
         let robot = AnyRobotFile::named(name).unwrap();
         let place = target().join(format!("header-{name}"));
         std::fs::create_dir_all(&place)?;
-        write_header(&HeaderOptions { robot: robot.clone(), output: place.join("machine.h") })?;
+        write_header(&HeaderOptions {
+            robot: robot.clone(),
+            prefix: Prefix::default(),
+            output: place.join("machine.h"),
+        })?;
         let program = place.join("header");
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/linuxcnc/header.c");
         let mut command = Command::new("gcc");
@@ -36,7 +40,7 @@ pub(super) fn compiles() -> Result<(), Failed> {
 
 /// The machine, as the C program prints it.
 fn machine<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> String {
-    let checksum = robot.model.checksum();
+    let checksum = robot.checksum();
     let mut text = format!("{} {checksum:08x} {checksum:08x}\n", robot.name);
     let home = robot.model.axes_at(&robot.home_m()).unwrap();
     for (axis, limits) in robot.limits.iter().enumerate() {

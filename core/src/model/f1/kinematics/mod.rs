@@ -21,7 +21,7 @@ use super::{AXES, Robot};
 use crate::model::block_solve::BlockFactors;
 use crate::model::kinematics::{KinematicsError, Pose, RESIDUAL_TOLERANCE, SINGULARITY_TOLERANCE, directions};
 use crate::model::linalg::{are_finite, max_propagating_nan, norm, times};
-use crate::model::robot::{ARM_OF_LINK, ARMS, LINKS};
+use crate::model::robot::{ARM_OF_LINK, ARMS, LINKS, checksum};
 use crate::model::statics::{LineMatrix, moments};
 use crate::zip::zip;
 use plates::{Drives, Plates, PlatesAt};
@@ -85,6 +85,14 @@ impl Kinematics {
     #[must_use]
     pub const fn robot(&self) -> &Robot {
         &self.robot
+    }
+
+    /// Returns the CRC-32 of everything that turns positions of the drives into poses, and loads into positions: `C`, `V`, `P`, `b`, `L`,
+    /// `c`, `ax` and `ax6` at unit length, `sigma4`, `sigma5`, and `metres_per_q`, the length of one unit of each `q`, m; as little-endian
+    /// `f64` bits, in that order, zeros without their sign. Travel, springs and sensor are not part of it.
+    #[must_use]
+    pub fn checksum(&self, metres_per_q: &[f64; AXES]) -> u32 {
+        checksum(self.robot.numbers().chain(*metres_per_q))
     }
 
     /// Returns the largest error of the six link lengths in this pose with these positions, metres; NaN when a number given is NaN.

@@ -6,7 +6,7 @@ use crate::model::kinematics::{COLD_ITERATIONS, WARM_ITERATIONS};
 use crate::model::l2;
 use crate::model::l2::tests::close;
 use crate::model::linalg::rotation_from_vector;
-use crate::model::presets;
+use crate::model::presets::{self, F1_METRES_PER_Q};
 use crate::model::robot::Branch;
 use crate::model::statics::Wrench;
 use nalgebra::Matrix3;
@@ -235,13 +235,19 @@ fn machines_are_validated() {
     let checksum = |change: Change| {
         let mut geometry = geometry();
         change(&mut geometry);
-        Robot::new(geometry).unwrap().kinematics_checksum()
+        Kinematics::new(&Robot::new(geometry).unwrap()).checksum(&F1_METRES_PER_Q)
     };
     let ours = checksum(|_| {});
     assert_eq!(ours, checksum(|g| g.travel = Some([(-1.0, 1.0); AXES])));
     assert_eq!(ours, checksum(|g| g.turn_axis *= 2.0));
     assert_ne!(ours, checksum(|g| g.turn_signs[0] = Branch::Positive));
     assert_ne!(ours, checksum(|g| g.lengths_m[2] += 1e-9));
+    let kinematics = Kinematics::new(&Robot::new(geometry()).unwrap());
+    for axis in 0..AXES {
+        let mut screws = F1_METRES_PER_Q;
+        screws[axis] *= 1.0 + 1e-15;
+        assert_ne!(ours, kinematics.checksum(&screws), "axis {axis}");
+    }
 }
 
 /// The L2 as six links: the nominal model where the Tau property holds, and a turned platform where it does not.
