@@ -35,6 +35,7 @@ pub mod monitor;
 pub mod plan;
 pub mod plant;
 pub mod plots;
+pub mod privileges;
 pub mod publication;
 pub mod readers;
 pub mod realtime;

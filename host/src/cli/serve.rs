@@ -15,6 +15,7 @@ use gantry_tau::gauge_link::GaugePublisher;
 use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
 use gantry_tau::plant::Plant;
+use gantry_tau::privileges;
 use gantry_tau::publication::Publication;
 use gantry_tau::record::{RecordTo, Recording, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
@@ -187,6 +188,7 @@ impl Serve {
         }
         let mut flusher = LatchFlusher::of(cycle.latch());
         let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
+        self.give_up_privileges();
         say(format_args!(
             "listening on {}{}, force sensor on {sensor_address}{ports}; Ctrl-C ramps to zero and ends",
             server.address,
@@ -246,11 +248,7 @@ impl Serve {
             Pace::Lockstep => Capabilities::LOCKSTEP,
         };
         let config = robot.session_config(capabilities)?;
-        let path = self
-            .epoch_file
-            .clone()
-            .or_else(epoch::default_path)
-            .ok_or("the user's state folder is unknown; name a file with --epoch-file")?;
+        let path = self.epoch_path().ok_or("the user's state folder is unknown; name a file with --epoch-file")?;
         let epochs = epoch::reserve(&path)?;
         let latch = StopLatch::open(&path, epochs.first == Epoch(1))?;
         if latch.is_latched() {
@@ -259,6 +257,25 @@ impl Serve {
         let motors = robot.motor_map()?;
         let cycle = Cycle::new(config, motors, machine, epochs, latch, listen)?;
         Ok(cycle.with_position_loops(robot.position_loops)?)
+    }
+
+    /// Gives up the privileges of the main thread, and so of every thread that it starts from here on.
+    fn give_up_privileges(&self) {
+        let recording = self.record.as_ref().map(|to| to.path().to_owned());
+        let files: Vec<PathBuf> =
+            [self.epoch_path(), recording, self.black_box.clone()].into_iter().flatten().collect();
+        match privileges::give_up(&files) {
+            Ok(None) => {}
+            Ok(Some(file)) => tracing::warn!(
+                "the capability CAP_DAC_OVERRIDE is kept, to write {}, which belongs to another user; start the server as that user",
+                file.display()
+            ),
+            Err(error) => tracing::warn!("the privileges cannot be given up: {error}"),
+        }
+    }
+
+    fn epoch_path(&self) -> Option<PathBuf> {
+        self.epoch_file.clone().or_else(epoch::default_path)
     }
 
     fn check(&self) -> Result<(), &'static str> {

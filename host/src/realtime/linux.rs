@@ -2,7 +2,7 @@
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::mm::{MlockAllFlags, mlockall};
-use rustix::process::{Resource, geteuid, getrlimit};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::clock_gettime;
 
@@ -61,12 +61,17 @@ fn poll_until_ns(fds: &mut [PollFd<'_>], deadline: u64) -> bool {
 /// Locks all memory of the process, so that the cycle never waits for a page.
 ///
 /// # Errors
-/// [`Denied`] without the privilege or under a limit on locked memory: locking future memory under a limit
-/// would make a later allocation fail, which is worse than a page fault.
+/// [`Denied`] under a limit on locked memory that the process may not lift: locking future memory under a limit would make a later allocation
+/// fail, which is worse than a page fault. `CAP_IPC_LOCK` overrides the limit for as long as a thread has it, and a server gives it up.
 pub fn lock_memory() -> Result<(), Denied> {
     let denied = |reason: String| Denied { privilege: "locked memory (mlockall)", reason };
-    if let (Some(limit), false) = (getrlimit(Resource::Memlock).current, geteuid().is_root()) {
-        return Err(denied(format!("it is limited to {} KiB (ulimit -l)", limit / 1024)));
+    // Permitted where the hard limit is lifted already, and with CAP_SYS_RESOURCE. The superuser of a namespace or container may have neither.
+    let lifted = setrlimit(Resource::Memlock, Rlimit { current: None, maximum: None });
+    if let (Some(limit), Err(_)) = (getrlimit(Resource::Memlock).current, lifted) {
+        let kib = limit / 1024;
+        return Err(denied(format!(
+            "it is limited to {kib} KiB; lift the limit (`ulimit -l unlimited` as root, or LimitMEMLOCK=infinity of a service)"
+        )));
     }
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| denied(error.to_string()))
 }

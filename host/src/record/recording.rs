@@ -65,6 +65,12 @@ impl RecordTo {
     pub fn with_version(self, version: Version) -> Self {
         Self { version, ..self }
     }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
 }
 
 /// File of a recording. After its first failure (for instance a full disk) it only counts lost rows.

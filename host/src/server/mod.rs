@@ -9,8 +9,8 @@ pub mod velocity_interface;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 
 use gantry_tau_core::control::axis::{InForce, Offsets};
@@ -158,7 +158,8 @@ pub struct Server<const N: usize> {
 }
 
 impl<const N: usize> Server<N> {
-    /// Runs `cycle` in a thread of its own. Also returns the rows, one per tick, for one observer.
+    /// Runs `cycle` in a thread of its own, which has its priority, and no privileges, when this returns. Also returns the rows, one per tick,
+    /// for one observer.
     ///
     /// # Errors
     /// [`ServerError::Thread`]: the system does not tell the address, or does not start the thread.
@@ -171,10 +172,17 @@ impl<const N: usize> Server<N> {
         let controls = Arc::new(Controls::default());
         let (rows, observer) = rtrb::RingBuffer::new(ROWS);
         let switches = Arc::clone(&controls);
+        let (setting_up, until_set_up) = mpsc::channel::<()>();
         let thread = std::thread::Builder::new()
             .name("cycle".to_owned())
-            .spawn(move || tick_source::run(cycle, ticks, &switches, rows))
+            .spawn(move || {
+                tick_source::set_up_thread(ticks);
+                drop(setting_up);
+                tick_source::run(cycle, ticks, &switches, rows)
+            })
             .map_err(thread_error)?;
+        // An error, when the other end is dropped.
+        let _set_up = until_set_up.recv();
         let server = Self { address, controls, thread };
         Ok((server, observer))
     }

@@ -31,6 +31,18 @@ pub enum TickSource {
     Lockstep,
 }
 
+/// Sets up the calling thread: real-time priority for ticks of the clock, then no privileges.
+pub(super) fn set_up_thread(ticks: TickSource) {
+    if ticks == TickSource::RealTime {
+        if let Err(denied) = crate::realtime::raise_priority() {
+            tracing::warn!("cycle thread: no {}: {}", denied.privilege, denied.reason);
+        }
+    }
+    if let Err(error) = crate::privileges::give_up(&[]) {
+        tracing::warn!("cycle thread: its privileges cannot be given up: {error}");
+    }
+}
+
 /// Runs cycles until quit is requested and the drives have taken references without offsets.
 ///
 /// # Errors
@@ -42,11 +54,6 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     controls: &Controls,
     mut rows: rtrb::Producer<Row<N>>,
 ) -> Result<(), ServerError> {
-    if ticks == TickSource::RealTime {
-        if let Err(denied) = crate::realtime::raise_priority() {
-            tracing::warn!("cycle thread: no {}: {}", denied.privilege, denied.reason);
-        }
-    }
     cycle.start()?;
     let mut timer = CycleTimer::starting_now(PERIOD_NS);
     let mut state_left_ns = now_ns();

@@ -29,6 +29,8 @@ mod monitor;
 #[cfg(unix)]
 mod operator;
 mod plan;
+#[cfg(target_os = "linux")]
+mod privileges;
 mod process;
 #[cfg(unix)]
 mod publication;

@@ -82,6 +82,12 @@ impl Running {
         text(&self.err)
     }
 
+    /// Number of the process.
+    #[cfg(target_os = "linux")]
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Writes to the input, which must be a pipe.
     #[cfg(unix)]
     pub(crate) fn write(&mut self, text: &str) {
