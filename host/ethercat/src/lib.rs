@@ -22,5 +22,5 @@ pub use bring_up::{BringUpError, DriveConfig, Initial, Place, Settings};
 pub use cia402::{Input, Offset, PowerState, Target};
 pub use drives::{Condition, Drives};
 pub use fault::Fault;
-pub use raw_socket::{RawSocket, RawSocketError};
+pub use raw_socket::{RawSocket, RawSocketError, check_link};
 pub use wire::{Wire, WireError};

@@ -1,9 +1,10 @@
 //! A network interface through a raw socket of Linux.
 
 use std::os::fd::{AsRawFd, OwnedFd};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nix::ifaddrs::getifaddrs;
+use nix::net::if_::InterfaceFlags;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, Protocol, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socket_with};
@@ -12,6 +13,11 @@ use crate::wire::{Wire, WireError};
 
 /// EtherType of EtherCAT.
 const ETHERCAT: u16 = 0x88A4;
+
+/// Longest wait for a carrier: a link of 1 Gbit/s is negotiated within 3 s.
+const LINK_PATIENCE: Duration = Duration::from_secs(4);
+/// Time between two looks at the link.
+const LINK_REST: Duration = Duration::from_millis(20);
 
 /// A network interface that carries nothing but EtherCAT.
 #[derive(Debug)]
@@ -29,6 +35,12 @@ pub enum RawSocketError {
     /// The system has no interface of this name.
     #[error("there is no network interface {0}; `ip link` lists them")]
     NoInterface(String),
+    /// The interface is switched off.
+    #[error("the network interface {0} is down; `ip link set {0} up`")]
+    Down(String),
+    /// The interface has no carrier.
+    #[error("the network interface {0} has no carrier: its cable is out, or the drive at the other end has no power")]
+    NoCarrier(String),
     /// Another error of the system.
     #[error("{interface}: {reason}")]
     System {
@@ -40,7 +52,7 @@ pub enum RawSocketError {
 }
 
 impl RawSocket {
-    /// Opens an interface by its name. Its frames of EtherCAT are read, no others.
+    /// Opens an interface by its name, once it has a carrier. Its frames of EtherCAT are read, no others.
     ///
     /// # Errors
     /// [`RawSocketError`].
@@ -55,6 +67,7 @@ impl RawSocket {
                 failed(error.to_string())
             }
         })?;
+        await_link(interface)?;
         let mut addresses = getifaddrs().map_err(|error| failed(error.to_string()))?;
         let address = addresses.find_map(|entry| {
             let address = entry.address.filter(|_| entry.interface_name == interface)?;
@@ -64,6 +77,33 @@ impl RawSocket {
         // The address names no protocol: the socket's own stands.
         nix::sys::socket::bind(socket.as_raw_fd(), &address).map_err(|error| failed(error.to_string()))?;
         Ok(Self { socket, start: Instant::now() })
+    }
+}
+
+/// Checks that an interface is up and has a carrier.
+///
+/// # Errors
+/// [`RawSocketError`]: `NoInterface`, `Down`, `NoCarrier`, or that the system does not list its interfaces.
+pub fn check_link(interface: &str) -> Result<(), RawSocketError> {
+    let of = |error: fn(String) -> RawSocketError| error(interface.to_owned());
+    let mut interfaces = getifaddrs()
+        .map_err(|error| RawSocketError::System { interface: interface.to_owned(), reason: error.to_string() })?;
+    match interfaces.find(|entry| entry.interface_name == interface).map(|entry| entry.flags) {
+        None => Err(of(RawSocketError::NoInterface)),
+        Some(flags) if !flags.contains(InterfaceFlags::IFF_UP) => Err(of(RawSocketError::Down)),
+        Some(flags) if !flags.contains(InterfaceFlags::IFF_RUNNING) => Err(of(RawSocketError::NoCarrier)),
+        Some(_) => Ok(()),
+    }
+}
+
+/// As [`check_link`], after some patience: an interface that has just been switched on negotiates its link first.
+fn await_link(interface: &str) -> Result<(), RawSocketError> {
+    let start = Instant::now();
+    loop {
+        match check_link(interface) {
+            Err(RawSocketError::NoCarrier(_)) if start.elapsed() < LINK_PATIENCE => std::thread::sleep(LINK_REST),
+            link => return link,
+        }
     }
 }
 

@@ -65,7 +65,7 @@ impl Serve {
             let section = robot.ethercat.as_ref().ok_or_else(missing)?;
             let socket = gantry_tau_ethercat::RawSocket::open(interface)?;
             let mut plant = EthercatPlant::<_, N, M>::open(robot, section, socket, motion)?;
-            let mut faults = plant.fault_log();
+            let mut faults = plant.fault_log().of_interface(interface);
             return self.serve(robot, plant, allowed, |row| drop(faults.see(row.state.phase)));
         }
         let (hand, tool) = load_generator();

@@ -3,7 +3,7 @@
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
-use gantry_tau_ethercat::{Condition, Drives, Fault, Input, Offset, PowerState, RawSocket, Target, Wire};
+use gantry_tau_ethercat::{Condition, Drives, Fault, Input, Offset, PowerState, RawSocket, Target, Wire, check_link};
 
 use super::standing::{axis_position, targets};
 use crate::counts::CountScale;
@@ -100,9 +100,17 @@ pub struct FaultLog {
     /// Faults logged since the last re-arm, and the cycles in which each came again.
     logged: Vec<(Fault, u64)>,
     phase: Phase,
+    /// Network interface, whose link explains missing answers.
+    interface: Option<String>,
 }
 
 impl FaultLog {
+    /// Names the network interface: a fault is logged with the state of its link, if that is not up.
+    #[must_use]
+    pub fn of_interface(self, interface: &str) -> Self {
+        Self { interface: Some(interface.to_owned()), ..self }
+    }
+
     /// Logs faults with their motors and codes, each cause once until the server's phase has left Fault; then how often it came again.
     /// Returns the lines.
     pub fn see(&mut self, phase: Phase) -> Vec<String> {
@@ -121,8 +129,10 @@ impl FaultLog {
                 Some((_, again)) => *again = again.saturating_add(1),
                 None if fault == Fault::Rearming => {}
                 None => {
-                    tracing::error!("EtherCAT: {fault}");
-                    lines.push(format!("EtherCAT: {fault}"));
+                    let link = self.interface.as_deref().and_then(|interface| check_link(interface).err());
+                    let because = link.map_or_else(String::new, |link| format!(": {link}"));
+                    lines.push(format!("EtherCAT: {fault}{because}"));
+                    tracing::error!("{}", lines.last().map_or("", String::as_str));
                     self.logged.push((fault, 0));
                 }
             }
@@ -145,7 +155,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
     pub fn fault_log(&mut self) -> FaultLog {
         let (producer, faults) = rtrb::RingBuffer::new(FAULTS);
         self.faults = Some(producer);
-        FaultLog { faults, logged: Vec::new(), phase: Phase::Listening }
+        FaultLog { faults, logged: Vec::new(), phase: Phase::Listening, interface: None }
     }
 
     /// Returns the drives.

@@ -20,13 +20,14 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use gantry_tau::ethercat::{EmulatedBus, EthercatPlant, Machine, emulated_bus};
-use gantry_tau::plant::{PlantError, ToolReading};
+use gantry_tau::plant::{Plant, PlantError, ToolReading};
 use gantry_tau::robot_file::{Ethercat, RobotFile};
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau_core::control::axis::InForce;
+use gantry_tau_core::control::axis::{InForce, Reference};
+use gantry_tau_core::control::message::Phase;
 use gantry_tau_ethercat::emulation::{EmulatedWire, Process};
-use gantry_tau_ethercat::{RawSocket, Wire, WireError};
+use gantry_tau_ethercat::{RawSocket, Wire, WireError, check_link};
 use gantry_tau_tests::short_demo;
 use libtest_mimic::{Failed, Trial};
 use serde_json::{Value, json};
@@ -45,6 +46,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let soem = network.or_else(|| python.is_none().then_some("pysoem of PyPI missing"));
     vec![
         trial("ethercat::the_demo_compensates_over_a_veth_pair", network, demo_over_veth),
+        trial("ethercat::a_link_that_is_not_up_is_named", network, link_is_named),
         trial("ethercat::soem_takes_the_emulated_chain_to_op", soem, move || soem_agrees(python.as_deref().unwrap())),
     ]
 }
@@ -195,6 +197,43 @@ fn demo_over_veth() {
         EthercatPlant::<_, 3, 3>::open(robot, &section, near, |_| Motion::Hold)
     });
     assert_eq!(complaints, Vec::<String>::new());
+}
+
+/// Down, without a carrier, gone: each has its sentence, before a frame is sent and while a bus runs.
+fn link_is_named() {
+    connect();
+    let ip = |arguments: &[&str]| assert!(Command::new("ip").args(arguments).status().unwrap().success());
+    let refused = || RawSocket::open(ENDS[0]).map(drop).unwrap_err().to_string();
+    assert_eq!(check_link(ENDS[0]), Ok(()));
+    let robot = RobotFile::builtin_l2().unwrap();
+    let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
+    let (_hand, tool) = load_generator();
+    let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
+    let far = FarEnd::start(bus.clone(), None);
+    let near = NearEnd { socket: RawSocket::open(ENDS[0]).unwrap(), bus, _far: far };
+    let mut plant = EthercatPlant::<_, 3, 3>::open(&robot, &section, near, |_| Motion::Hold).unwrap();
+    let mut faults = plant.fault_log().of_interface(ENDS[0]);
+    plant.start().unwrap();
+    let in_force = plant.in_force().unwrap();
+    let references = in_force.map(|axis| Reference {
+        position: axis.nominal,
+        velocity_offset: Default::default(),
+        torque_offset: Default::default(),
+    });
+    // The cable is pulled out at its far end.
+    ip(&["link", "set", ENDS[1], "down"]);
+    plant.read(1).ok();
+    assert!(plant.write(&references, &in_force).is_err());
+    let lines = faults.see(Phase::Obtain);
+    let no_carrier =
+        "the network interface ec0 has no carrier: its cable is out, or the drive at the other end has no power";
+    assert!(lines.iter().any(|line| line.ends_with(no_carrier)), "{lines:?}");
+    assert_eq!(refused(), no_carrier);
+    ip(&["link", "set", ENDS[0], "down"]);
+    assert_eq!(refused(), "the network interface ec0 is down; `ip link set ec0 up`");
+    drop(plant);
+    ip(&["link", "delete", ENDS[0]]);
+    assert_eq!(refused(), "there is no network interface ec0; `ip link` lists them");
 }
 
 fn soem_agrees(python: &Path) {
