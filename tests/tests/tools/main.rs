@@ -1,5 +1,5 @@
-//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser, the reader of MCAP or another MainDevice of EtherCAT: the C interface, the firmware, the
-//! client in Python and on Windows, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT bus. A test whose tool is missing is reported as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser, the reader of MCAP, another MainDevice of EtherCAT or systemd: the C interface, the firmware, the
+//! client in Python and on Windows, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT bus, the service. A test whose tool is missing is reported as ignored, with the name of the tool.
 
 mod capi;
 #[cfg(target_os = "linux")]
@@ -10,6 +10,8 @@ mod linuxcnc;
 mod mcap;
 mod monitor;
 mod python;
+#[cfg(target_os = "linux")]
+mod service;
 mod session;
 mod windows;
 
@@ -27,5 +29,7 @@ fn main() {
     trials.extend(linuxcnc::trials());
     #[cfg(target_os = "linux")]
     trials.extend(ethercat::trials());
+    #[cfg(target_os = "linux")]
+    trials.extend(service::trials());
     libtest_mimic::run(&arguments, trials).exit();
 }

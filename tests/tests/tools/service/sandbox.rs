@@ -1,0 +1,193 @@
+//! The restrictions of the unit without systemd: a user of its own, one folder to write in, limits, no capabilities.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::{gantry_tau, values};
+
+/// A user as `DynamicUser=` takes one: of no file.
+const USER: &str = "61234";
+/// Longest wait for anything.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Everything is read-only, but for the state folder, and /tmp is the service's own. `$1`: the state folder; the rest: the command.
+const NAMESPACE: &str = "set -e; state=$1; shift
+mount --make-rprivate /
+mount --bind \"$state\" /mnt
+mount -t tmpfs -o mode=1777 tmpfs /tmp
+mkdir /tmp/state
+mount --move /mnt /tmp/state
+mount -o remount,bind,ro /
+cd /tmp/state
+exec \"$@\"";
+
+/// A place for servers that keep their state in one folder.
+pub(super) struct Sandbox {
+    place: PathBuf,
+    /// Options of `prlimit`: the limits of the unit, where they are wanted.
+    limits: Vec<String>,
+}
+
+/// Options of `prlimit` for the limits of a unit.
+pub(super) fn limits(unit: &str) -> Vec<String> {
+    let of = |key: &str| values(unit, key).pop().unwrap().replace("infinity", "unlimited");
+    [("rtprio", of("LimitRTPRIO")), ("memlock", of("LimitMEMLOCK"))]
+        .map(|(name, limit)| format!("--{name}={limit}:{limit}"))
+        .to_vec()
+}
+
+impl Sandbox {
+    /// An empty state folder, but for a copy of the program: the user may not reach its own folder.
+    pub(super) fn new(name: &str, limits: Vec<String>) -> Self {
+        let place = std::env::temp_dir().join(format!("gantry-tau-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&place);
+        fs::create_dir_all(place.join("state")).unwrap();
+        fs::copy(gantry_tau(), place.join("state/program")).unwrap();
+        let sandbox = Self { place, limits };
+        let owner = format!("{USER}:{USER}");
+        let mut chown = Command::new("chown");
+        assert!(chown.arg(owner).arg(sandbox.place.join("state")).status().unwrap().success());
+        sandbox
+    }
+
+    /// Starts `serve` under the restrictions.
+    pub(super) fn start(&self, name: &str, pace: &str, further: &[&str]) -> Running {
+        self.start_in(name, &[], pace, further)
+    }
+
+    /// The same, its system calls noted.
+    pub(super) fn start_traced(&self, name: &str, pace: &str) -> Running {
+        self.start_in(name, &["strace", "-f", "-qq", "-o", "/tmp/state/calls"], pace, &[])
+    }
+
+    fn start_in(&self, name: &str, tracer: &[&str], pace: &str, further: &[&str]) -> Running {
+        let mut command = Command::new("unshare");
+        command.args(["--mount", "sh", "-c", NAMESPACE, "sh"]).arg(self.place.join("state"));
+        if !self.limits.is_empty() {
+            command.arg("prlimit").args(&self.limits);
+        }
+        command.args(["setpriv", "--reuid", USER, "--regid", USER, "--clear-groups", "--no-new-privs"]);
+        command.args(["--bounding-set", "-all", "--inh-caps", "-all"]);
+        command.args(["env", "-i", "PATH=/usr/bin:/bin", "XDG_STATE_HOME=/tmp/state"]).args(tracer);
+        self.serve(name, command.arg("/tmp/state/program"), pace, further)
+    }
+
+    /// Starts `serve` as uid 0 of a user namespace, under a limit on locked memory.
+    pub(super) fn start_as_root_of_a_namespace(&self, name: &str) -> Running {
+        let mut command = Command::new("prlimit");
+        command.args(["--memlock=8388608:8388608", "unshare", "-r"]).arg(gantry_tau());
+        command.env("XDG_STATE_HOME", &self.place);
+        self.serve(name, &mut command, "lockstep", &[])
+    }
+
+    fn serve(&self, name: &str, command: &mut Command, pace: &str, further: &[&str]) -> Running {
+        let log = self.place.join(format!("{name}.log"));
+        let file = File::create(&log).unwrap();
+        command.args(["serve", "--pace", pace, "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"]);
+        let child = command.args(further).stdin(Stdio::piped());
+        let child = child.stdout(file.try_clone().unwrap()).stderr(file).spawn().unwrap();
+        Running { child, log }
+    }
+
+    /// Names of the system calls that were noted.
+    pub(super) fn calls(&self) -> BTreeSet<String> {
+        let noted = fs::read_to_string(self.place.join("state/calls")).unwrap();
+        // "PID name(arguments) = result", or "PID <... name resumed>".
+        let name = |line: &str| {
+            let (_, call) = line.split_once(' ')?;
+            let (name, _) = call.trim_start().split_once('(')?;
+            name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_').then(|| name.to_owned())
+        };
+        // The tracer's own start of the program comes before any filter of a service.
+        noted.lines().filter_map(name).filter(|name| name != "execve").collect()
+    }
+}
+
+impl Drop for Sandbox {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.place);
+    }
+}
+
+/// A server; killed when the trial ends before it.
+pub(super) struct Running {
+    child: Child,
+    log: PathBuf,
+}
+
+impl Running {
+    /// Everything that it has printed.
+    pub(super) fn log(&self) -> String {
+        String::from_utf8_lossy(&fs::read(&self.log).unwrap()).into_owned()
+    }
+
+    pub(super) fn await_words(&mut self, words: &str) {
+        let since = Instant::now();
+        while !self.log().contains(words) {
+            let ended = self.child.try_wait().unwrap();
+            assert!(ended.is_none() && since.elapsed() < PATIENCE, "{words}: {ended:?}\n{}", self.log());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Types a command.
+    pub(super) fn say(&mut self, text: &str) {
+        self.child.stdin.as_mut().unwrap().write_all(text.as_bytes()).unwrap();
+    }
+
+    /// Starts a client of it, outside the sandbox.
+    pub(super) fn client(&self) -> Client {
+        let log = self.log();
+        let address = |words: &str| {
+            let rest = log.split_once(words).unwrap().1;
+            rest[..rest.find([',', ';', ' ']).unwrap()].to_owned()
+        };
+        let mut command = Command::new(gantry_tau());
+        command.args(["client", &address("listening on "), "--sensor", &address("force sensor on ")]);
+        let file = OpenOptions::new().create(true).append(true).open(self.log.with_extension("client")).unwrap();
+        Client(command.stdin(Stdio::null()).stdout(file.try_clone().unwrap()).stderr(file).spawn().unwrap())
+    }
+
+    /// Ends it as systemd does, by SIGTERM to the server itself; returns its exit code.
+    pub(super) fn terminate(&mut self) -> Option<i32> {
+        let own = self.child.id().to_string();
+        // A tracer stands between; the server is its only child.
+        let children = fs::read_to_string(Path::new("/proc").join(&own).join("task").join(&own).join("children"));
+        let server = children.ok().and_then(|children| children.split_whitespace().next().map(str::to_owned));
+        let status = Command::new("kill").args(["-TERM", server.as_ref().unwrap_or(&own)]).status();
+        assert!(status.unwrap().success());
+        self.end()
+    }
+
+    /// Waits for its end; returns its exit code.
+    pub(super) fn end(&mut self) -> Option<i32> {
+        let since = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status.code();
+            }
+            assert!(since.elapsed() < PATIENCE, "the server does not end\n{}", self.log());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A client, killed at the end.
+pub(super) struct Client(Child);
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
