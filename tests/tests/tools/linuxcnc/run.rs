@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{PoisonError, RwLock};
 
-use gantry_tau::header::{HeaderOptions, run as write_header};
+use gantry_tau::header::{HeaderOptions, Prefix, run as write_header};
 use gantry_tau::robot_file::AnyRobotFile;
 use libtest_mimic::Failed;
 
@@ -61,7 +61,11 @@ pub(super) fn folder() -> PathBuf {
 pub(super) fn make(robot: &str, build: &Path, header: impl Fn(String) -> String) -> Result<(), Failed> {
     std::fs::create_dir_all(build)?;
     let machine = build.join("machine.h");
-    write_header(&HeaderOptions { robot: AnyRobotFile::named(robot).unwrap(), output: machine.clone() })?;
+    write_header(&HeaderOptions {
+        robot: AnyRobotFile::named(robot).unwrap(),
+        prefix: Prefix::default(),
+        output: machine.clone(),
+    })?;
     std::fs::write(&machine, header(std::fs::read_to_string(&machine)?))?;
     let mut make = Command::new("make");
     make.current_dir(folder()).env_remove("MAKEFLAGS").arg(format!("ROBOT={robot}"));

@@ -160,7 +160,7 @@ fn keeps_its_stop() -> Result<(), Failed> {
     drop(client);
     let mut again = sandbox.start("again", "lockstep", &[]);
     again.await_words("starts in Fault");
-    again.await_words("listening on ");
+    again.await_words("Listening -> Fault");
     again.say("rearm\n");
     again.await_words("Fault -> Listening");
     assert_eq!(again.terminate(), Some(0), "{}", again.log());
