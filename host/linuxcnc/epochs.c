@@ -9,10 +9,77 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 /* Epochs reserved by one write of the file: 2^32 sessions per run, for 2^32 runs. */
 #define RESERVE (UINT64_C(1) << 32)
+
+/* The locked file; ABSENT without one. */
+#define ABSENT (-1)
+static int lock = ABSENT;
+
+/* Opens a regular file, without following a link and without waiting for the other end of a pipe. Returns it, or -1 with errno. */
+static int open_regular(const char *path, int flags)
+{
+    struct stat found;
+    const int file = open(path, flags | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0644);
+    if (file >= 0 && (fstat(file, &found) != 0 || !S_ISREG(found.st_mode))) {
+        close(file);
+        errno = EINVAL;
+        return -1;
+    }
+    return file;
+}
+
+/* Writes the path of a file beside another. Returns 0, or -1 with errno. */
+static int beside(const char *path, const char *extension, char text[PATH_MAX])
+{
+    if (snprintf(text, PATH_MAX, "%s.%s", path, extension) >= PATH_MAX) {
+        errno = ENAMETOOLONG;
+        return -1;
+    }
+    return 0;
+}
+
+/* Locks the counter until the component is unloaded or its process ends. Returns 0, or -1 with errno: EWOULDBLOCK if another server has it. */
+static int take_lock(const char *path)
+{
+    static char name[PATH_MAX]; /* not on the stack */
+    struct stat found;
+    if (lstat(path, &found) == 0 && !S_ISREG(found.st_mode)) {
+        errno = EINVAL;
+        return -1;
+    }
+    if (beside(path, "lock", name) != 0) {
+        return -1;
+    }
+    lock = open_regular(name, O_RDWR | O_CREAT);
+    if (lock < 0) {
+        return -1;
+    }
+    if (flock(lock, LOCK_EX | LOCK_NB) != 0) {
+        const int reason = errno;
+        close(lock);
+        lock = ABSENT;
+        errno = reason;
+        return -1;
+    }
+    return ftruncate(lock, 0) != 0 || dprintf(lock, "pid %ld (gantry_tau of LinuxCNC)\n", (long)getpid()) < 0 ? -1 : 0;
+}
+
+void epochs_release(void)
+{
+    if (lock != ABSENT) {
+        /* The file must not name a server that has ended; the lock goes with the file. */
+        if (ftruncate(lock, 0) != 0) {
+            /* It is named until the next one starts. */
+        }
+        close(lock);
+        lock = ABSENT;
+    }
+}
 
 /* Reads the counter. Returns 0; 1 if the file is not a number, -1 with errno. */
 static int read_counter(const char *path, uint64_t *used)
@@ -20,7 +87,7 @@ static int read_counter(const char *path, uint64_t *used)
     char text[32] = "";
     char *end;
     ssize_t count;
-    const int file = open(path, O_RDONLY | O_CLOEXEC);
+    const int file = open_regular(path, O_RDONLY);
     *used = 0;
     if (file < 0) {
         return errno == ENOENT ? 0 : -1;
@@ -44,15 +111,14 @@ static int flush_and_close(int file)
 /* Writes a second file, flushes it, renames it, flushes the folder: a crash leaves the old or the new number. Returns 0, or -1 with errno. */
 static int persist(const char *path, uint64_t value)
 {
-    static char beside[PATH_MAX], folder[PATH_MAX]; /* not on the stack */
+    static char second[PATH_MAX], folder[PATH_MAX]; /* not on the stack */
     char text[32];
     const int length = snprintf(text, sizeof text, "%" PRIu64 "\n", value);
     int file;
-    if (snprintf(beside, sizeof beside, "%s.%ld", path, (long)getpid()) >= (int)sizeof beside) {
-        errno = ENAMETOOLONG;
+    if (beside(path, "new", second) != 0 || (unlink(second) != 0 && errno != ENOENT)) {
         return -1;
     }
-    file = open(beside, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    file = open(second, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
     if (file < 0) {
         return -1;
     }
@@ -60,7 +126,7 @@ static int persist(const char *path, uint64_t value)
         close(file);
         return -1;
     }
-    if (flush_and_close(file) != 0 || rename(beside, path) != 0) {
+    if (flush_and_close(file) != 0 || rename(second, path) != 0) {
         return -1;
     }
     snprintf(folder, sizeof folder, "%s", path);
@@ -71,20 +137,25 @@ static int persist(const char *path, uint64_t value)
 int epochs_reserve(const char *path, uint64_t *first, uint64_t *last, char *error, size_t size)
 {
     uint64_t used;
-    const int outcome = read_counter(path, &used);
+    int outcome;
+    if (take_lock(path) != 0) {
+        const char *reason = errno == EWOULDBLOCK ? "in use by another server" : strerror(errno);
+        snprintf(error, size, "epoch_file=%s: %s", path, reason);
+        epochs_release();
+        return -1;
+    }
+    outcome = read_counter(path, &used);
     if (outcome > 0) {
         snprintf(error, size, "epoch_file=%s does not contain a counter", path);
-        return -1;
-    }
-    if (outcome == 0 && used > UINT64_MAX - RESERVE) {
+    } else if (outcome == 0 && used > UINT64_MAX - RESERVE) {
         snprintf(error, size, "epoch_file=%s: the counter is used up", path);
-        return -1;
-    }
-    if (outcome < 0 || persist(path, used + RESERVE) != 0) {
+    } else if (outcome < 0 || persist(path, used + RESERVE) != 0) {
         snprintf(error, size, "epoch_file=%s: %s", path, strerror(errno));
-        return -1;
+    } else {
+        *first = used + 1;
+        *last = used + RESERVE;
+        return 0;
     }
-    *first = used + 1;
-    *last = used + RESERVE;
-    return 0;
+    epochs_release();
+    return -1;
 }

@@ -290,6 +290,7 @@ void rtapi_app_exit(void)
         component = ABSENT;
     }
     sockets_shut();
+    epochs_release();
 }
 
 int rtapi_app_main(void)

@@ -14,7 +14,6 @@ pub mod counts;
 pub mod demo;
 pub mod draw;
 pub mod elastic;
-pub mod epoch;
 #[cfg(all(feature = "ethercat", target_os = "linux"))]
 pub mod ethercat;
 pub mod experiment;
@@ -48,7 +47,7 @@ pub mod server;
 pub mod sim;
 pub mod solve;
 pub mod springs;
-pub mod stop_latch;
+pub mod state;
 pub mod terminal;
 pub mod tool;
 pub mod verify;

@@ -11,7 +11,7 @@ use gantry_tau::server::connections::Listen;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::server::{Server, ServerError};
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
 use gantry_tau_core::control::message::{AxisLimits, Cause, Phase, Refusal};

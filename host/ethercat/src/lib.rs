@@ -9,6 +9,7 @@
 
 mod bring_up;
 mod cia402;
+mod claim;
 mod clock;
 mod drives;
 #[cfg(feature = "emulation")]

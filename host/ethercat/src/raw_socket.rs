@@ -9,6 +9,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, Protocol, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socket_with};
 
+use crate::claim::{Claim, Refused};
 use crate::wire::{Wire, WireError};
 
 /// EtherType of EtherCAT.
@@ -24,6 +25,8 @@ const LINK_REST: Duration = Duration::from_millis(20);
 pub struct RawSocket {
     socket: OwnedFd,
     start: Instant,
+    /// Given back after the socket.
+    _claim: Claim,
 }
 
 /// Error of an interface.
@@ -41,6 +44,14 @@ pub enum RawSocketError {
     /// The interface has no carrier.
     #[error("the network interface {0} has no carrier: its cable is out, or the drive at the other end has no power")]
     NoCarrier(String),
+    /// Another program moves the drives behind the interface.
+    #[error("network interface {interface} is in use by {owner}; a bus has one master: end that program first")]
+    Owned {
+        /// The interface.
+        interface: String,
+        /// The process.
+        owner: String,
+    },
     /// Another error of the system.
     #[error("{interface}: {reason}")]
     System {
@@ -52,7 +63,8 @@ pub enum RawSocketError {
 }
 
 impl RawSocket {
-    /// Opens an interface by its name, once it has a carrier. Its frames of EtherCAT are read, no others.
+    /// Opens an interface by its name, once it has a carrier, and owns it: no other socket of this kind opens it until this one is dropped.
+    /// Nothing is sent yet. Its frames of EtherCAT are read, no others.
     ///
     /// # Errors
     /// [`RawSocketError`].
@@ -74,9 +86,16 @@ impl RawSocket {
             address.as_link_addr().copied()
         });
         let address = address.ok_or_else(|| RawSocketError::NoInterface(interface.to_owned()))?;
+        let claim = Claim::take(address.ifindex()).map_err(|refused| match refused {
+            Refused::Owned(process) => RawSocketError::Owned {
+                interface: interface.to_owned(),
+                owner: process.map_or_else(|| "another process".to_owned(), |process| format!("pid {process}")),
+            },
+            Refused::System(error) => failed(error.to_string()),
+        })?;
         // The address names no protocol: the socket's own stands.
         nix::sys::socket::bind(socket.as_raw_fd(), &address).map_err(|error| failed(error.to_string()))?;
-        Ok(Self { socket, start: Instant::now() })
+        Ok(Self { socket, start: Instant::now(), _claim: claim })
     }
 }
 

@@ -127,11 +127,24 @@ pub fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
     if binary::is_binary(bytes) { binary::axes(name, bytes) } else { json::axes(name, bytes) }
 }
 
-/// Reads the bytes of a file.
+/// Longest file of a black box, bytes: some 100 000 ticks.
+const LONGEST: u64 = 256 << 20;
+
+/// Reads the bytes of a file. A device or a pipe may have no end, so it is not read.
 ///
 /// # Errors
-/// [`FileError`] with the reason of the system.
+/// [`FileError`] with the reason of the system, or for what cannot be a black box.
 pub fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
+    let file = std::fs::metadata(path).map_err(|error| FileError::of(path, error))?;
+    if file.is_dir() {
+        return Err(FileError::of(path, "is a folder; name a file of it"));
+    }
+    if !file.is_file() {
+        return Err(FileError::of(path, "is a device, a pipe or a socket; name a regular file"));
+    }
+    if file.len() > LONGEST {
+        return Err(FileError::of(path, format!("has {} bytes; a black box has at most {LONGEST}", file.len())));
+    }
     std::fs::read(path).map_err(|error| FileError::of(path, error))
 }
 

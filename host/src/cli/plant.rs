@@ -21,6 +21,13 @@ pub(super) enum PlantChoice {
     Interface(String),
 }
 
+impl PlantChoice {
+    /// True if nothing real moves.
+    pub(super) const fn is_simulated(&self) -> bool {
+        matches!(self, Self::Simulated | Self::Emulated)
+    }
+}
+
 impl std::str::FromStr for PlantChoice {
     type Err = &'static str;
 
@@ -40,7 +47,7 @@ impl Serve {
     pub(super) fn serve_bus<K: MachineKind<N>, const N: usize, const M: usize>(
         &self,
         _robot: &RobotFile<K, N>,
-        _allowed: Allowed,
+        _allowed: &Allowed,
     ) -> Outcome {
         Err("this program was built without EtherCAT; build it on Linux: cargo install gantry-tau --features ethercat"
             .into())
@@ -53,31 +60,41 @@ impl Serve {
     pub(super) fn serve_bus<K: MachineKind<N>, const N: usize, const M: usize>(
         &self,
         robot: &RobotFile<K, N>,
-        allowed: Allowed,
+        allowed: &Allowed,
     ) -> Outcome {
         use gantry_tau::ethercat::{EthercatError, EthercatPlant, emulated_bus};
         use gantry_tau::robot_file::Ethercat;
+        use gantry_tau::server::cycle::Row;
         use gantry_tau::sim::load_generator::load_generator;
+
+        use super::serve::Owned;
 
         let motion = |start_m| self.motion_from(start_m);
         if let PlantChoice::Interface(interface) = &self.plant {
             let missing = || EthercatError::NoSection { file: robot.name.clone() };
             let section = robot.ethercat.as_ref().ok_or_else(missing)?;
+            let state = self.own_state(robot)?;
             let socket = gantry_tau_ethercat::RawSocket::open(interface)?;
-            let mut plant = EthercatPlant::<_, N, M>::open(robot, section, socket, motion)?;
-            let mut faults = plant.fault_log().of_interface(interface);
-            return self.serve(robot, plant, allowed, |row| drop(faults.see(row.state.phase)));
+            let owned = Owned::new(state, self.own_ports(robot, allowed)?);
+            return self.serve(robot, owned, || {
+                let mut plant = EthercatPlant::<_, N, M>::open(robot, section, socket, motion)?;
+                let mut faults = plant.fault_log().of_interface(interface);
+                Ok((plant, move |row: &Row<N>| drop(faults.see(row.state.phase))))
+            });
         }
         let (hand, tool) = load_generator();
         let emulated = || Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
         let section = robot.ethercat.clone().unwrap_or_else(emulated);
-        let bus = emulated_bus::<_, N, M>(robot, &section, tool)?;
-        let mut plant = EthercatPlant::<_, N, M>::open(robot, &section, bus, motion)?;
-        let mut faults = plant.fault_log();
-        let mut load = self.load(hand);
-        self.serve(robot, plant, allowed, |row| {
-            load.update(row.state.phase, row.state.tick);
-            faults.see(row.state.phase);
+        let owned = Owned::new(self.own_state(robot)?, self.own_ports(robot, allowed)?);
+        self.serve(robot, owned, || {
+            let bus = emulated_bus::<_, N, M>(robot, &section, tool)?;
+            let mut plant = EthercatPlant::<_, N, M>::open(robot, &section, bus, motion)?;
+            let mut faults = plant.fault_log();
+            let mut load = self.load(hand);
+            Ok((plant, move |row: &Row<N>| {
+                load.update(row.state.phase, row.state.tick);
+                faults.see(row.state.phase);
+            }))
         })
     }
 }

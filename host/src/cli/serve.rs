@@ -10,7 +10,6 @@ use std::sync::atomic::Ordering;
 use clap::{ArgGroup, Args};
 use gantry_tau::black_box::swap_channel;
 use gantry_tau::black_box::writer::Writer;
-use gantry_tau::epoch;
 use gantry_tau::gauge_link::GaugePublisher;
 use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
@@ -20,7 +19,7 @@ use gantry_tau::publication::Publication;
 use gantry_tau::record::{RecordTo, Recording, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
-use gantry_tau::server::connections::{Allowed, Listen};
+use gantry_tau::server::connections::{Allowed, Listen, Listening};
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::event_log::EventLog;
 use gantry_tau::server::{Controls, Server, ServerError};
@@ -28,10 +27,9 @@ use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::sim::workpiece::Workpiece;
-use gantry_tau::stop_latch::{LatchFlusher, StopLatch};
+use gantry_tau::state::{Begun, Environment, FirstRun, LatchFlusher, MachineName, Place, State};
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
-use gantry_tau_core::units::Epoch;
 
 use super::plant::PlantChoice;
 use super::publication::PublicationOptions;
@@ -95,9 +93,20 @@ pub(crate) struct Serve {
     /// Length of a back-and-forth motion of the nominal path on every axis, mm
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     motion: f64,
-    /// File of the epoch counter, which keeps frames of earlier sessions invalid [default: in the user's state folder]
+    /// Name of the machine among those of this computer: the folder of its state [default: model, checksum and address]
+    ///
+    /// The state is the epoch counter, which keeps frames of earlier sessions invalid, and the stop latch. One server at a time owns it. It lies in
+    /// /var/lib/gantry-tau as root and for drives over EtherCAT, in the folder of a service that systemd starts, and otherwise in the user's
+    /// state folder. See docs/operation.md.
+    #[arg(long, value_name = "NAME", conflicts_with = "epoch_file")]
+    name: Option<MachineName>,
+    /// File of the epoch counter, in place of that of the machine's name; the stop latch is FILE.stop
     #[arg(long, value_name = "FILE")]
     epoch_file: Option<PathBuf>,
+    /// The machine has never run: that its state is missing is no loss. Without it a server without state starts in Fault, unless the machine is
+    /// simulated and clients are of this computer
+    #[arg(long)]
+    first_run: bool,
     /// Record every tick, as CSV, as a stream of LabComm or as MCAP
     ///
     /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes, state, tool, session_event and drives.
@@ -126,9 +135,10 @@ impl MachineCommand for Serve {
             }
         }
         if self.plant != PlantChoice::Simulated {
-            return self.serve_bus::<K, N, M>(&robot, allowed);
+            return self.serve_bus::<K, N, M>(&robot, &allowed);
         }
         let Some(path) = &self.plan else {
+            let owned = self.own(&robot, &allowed)?;
             let (hand, tool) = load_generator();
             let mut machine = robot.simulated_machine::<M>(tool, self.motion(&robot)?)?;
             let mut force_max_n = self.force_max;
@@ -138,50 +148,88 @@ impl MachineCommand for Serve {
                 force_max_n = 0.0;
             }
             let mut load = LoadProfile::new(hand, force_max_n, self.step_seconds);
-            return self.serve(&robot, machine, allowed, |row| load.update(row.state.phase, row.state.tick));
+            let each = |row: &Row<N>| load.update(row.state.phase, row.state.tick);
+            return self.serve(&robot, owned, || Ok((machine, each)));
         };
         let plan = plan::read(path, K::MODEL, &robot.metres_per_q)?;
         plan.check_wrist(path, robot.wrist.len())?;
+        let owned = self.own(&robot, &allowed)?;
         let link = GaugePublisher::bind(self.gauges)
             .map(|link| link.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.gauges, &error))?;
         say(format_args!("gauges of {} on {}", path.display(), link.address()?));
         let machine = robot.campaign_machine::<M>(plan, link)?;
         let switch = machine.switch();
-        self.serve(&robot, machine, allowed, |row| switch.see(row))
+        self.serve(&robot, owned, || Ok((machine, |row: &Row<N>| switch.see(row))))
     }
 }
 
+/// What a server owns before it has an effect; given back in the reverse order of taking.
+pub(super) struct Owned {
+    ports: Ports,
+    state: State,
+}
+
+impl Owned {
+    pub(super) const fn new(state: State, ports: Ports) -> Self {
+        Self { ports, state }
+    }
+}
+
+/// Addresses of a server.
+pub(super) struct Ports {
+    clients: Listening,
+    sensor: SensorPublisher,
+    publications: Vec<Publication>,
+}
+
 impl Serve {
-    /// Serves a machine until the quit; `each` sees every row.
-    pub(super) fn serve<K: MachineKind<N>, P: Plant<N, M> + 'static, const N: usize, const M: usize>(
+    /// Serves the machine that `open` finds, until the quit; what it returns beside the machine sees every row. Until `open` is called no
+    /// machine has been touched; `docs/operation.md` lists the order.
+    pub(super) fn serve<
+        K: MachineKind<N>,
+        P: Plant<N, M> + 'static,
+        E: FnMut(&Row<N>),
+        const N: usize,
+        const M: usize,
+    >(
         &self,
         robot: &RobotFile<K, N>,
-        machine: P,
-        allowed: Allowed,
-        mut each: impl FnMut(&Row<N>),
+        owned: Owned,
+        open: impl FnOnce() -> Result<(P, E), Box<dyn std::error::Error>>,
     ) -> Outcome {
-        let sensor = SensorPublisher::bind(self.sensor)
-            .map(|sensor| sensor.for_peers(allowed.clone()))
-            .map_err(|error| ServerError::listen(self.sensor, &error))?;
+        let capabilities = match self.pace {
+            Pace::Real => Capabilities::NONE,
+            Pace::Lockstep => Capabilities::LOCKSTEP,
+        };
+        let (config, motors) = (robot.session_config(capabilities)?, robot.motor_map()?);
+        let Owned { ports: Ports { clients, sensor, publications }, state } = owned;
         let sensor_address = sensor.address()?;
-        let listen = Listen { address: self.listen, transport: transport(self.udp), allowed };
-        let publications = self.publications.bind::<N>(&listen.allowed, robot.simulation.gauge_resolution_m)?;
         let ports = publications.iter().map(|port| Ok(format!(", LabComm on {}", port.address()?)));
         let ports = ports.collect::<std::io::Result<String>>()?;
         let (sensors, mut publications): (Vec<_>, Vec<_>) =
             publications.into_iter().partition(Publication::is_of_sensors);
-        let mut cycle = self.cycle(robot, machine, listen)?.with_sensor(sensor).with_sensors(sensors);
-        // After binding, so that a second server started by mistake does not truncate the first one's recording.
+        let Begun { epochs, latch, condition, lock: _until_the_end } = state.begin(self.first_run())?;
+        if condition.is_latched() {
+            tracing::warn!("{condition}");
+        }
+        // Before the machine is touched: a recording that is refused must not cost it a start.
         let mut file = match &self.record {
             Some(to) => Some(Recording::create::<Row<N>, K>(&self.publications.recorded(to), robot)?),
             None => None,
         };
         let mut black_boxes = None;
+        let mut sender = None;
         if let Some(folder) = &self.black_box {
-            let (sender, windows) = swap_channel::channel();
-            cycle = cycle.with_black_box(sender);
+            let (cycles, windows) = swap_channel::channel();
+            sender = Some(cycles);
             black_boxes = Some(Writer::open(folder, windows)?);
+        }
+        let (machine, mut each) = open()?;
+        let cycle = Cycle::listening(config, motors, machine, epochs, latch, clients)?;
+        let mut cycle = cycle.with_position_loops(robot.position_loops)?.with_sensor(sensor).with_sensors(sensors);
+        if let Some(sender) = sender {
+            cycle = cycle.with_black_box(sender);
         }
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
@@ -237,33 +285,62 @@ impl Serve {
         Ok(code)
     }
 
-    fn cycle<K: MachineKind<N>, P: Plant<N, M>, const N: usize, const M: usize>(
+    /// Owns state and ports, in this order.
+    fn own<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
-        machine: P,
-        listen: Listen,
-    ) -> Result<Cycle<N, M, P>, Box<dyn std::error::Error>> {
-        let capabilities = match self.pace {
-            Pace::Real => Capabilities::NONE,
-            Pace::Lockstep => Capabilities::LOCKSTEP,
+        allowed: &Allowed,
+    ) -> Result<Owned, Box<dyn std::error::Error>> {
+        let state = self.own_state(robot)?;
+        Ok(Owned::new(state, self.own_ports(robot, allowed)?))
+    }
+
+    /// Owns the state of the machine.
+    pub(super) fn own_state<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+    ) -> Result<State, Box<dyn std::error::Error>> {
+        let name = || MachineName::of(K::MODEL, robot.checksum(), self.listen);
+        let place = match &self.epoch_file {
+            Some(file) => Place::named(file),
+            None => {
+                Environment::of_process().place(&self.name.clone().unwrap_or_else(name), self.plant.is_simulated())?
+            }
         };
-        let config = robot.session_config(capabilities)?;
-        let path = self.epoch_path().ok_or("the user's state folder is unknown; name a file with --epoch-file")?;
-        let epochs = epoch::reserve(&path)?;
-        let latch = StopLatch::open(&path, epochs.first == Epoch(1))?;
-        if latch.is_latched() {
-            tracing::warn!("a stop was not re-armed before this server started: it starts in Fault");
+        Ok(State::own(&place, &format!("serve, {} on {}", K::MODEL, self.listen))?)
+    }
+
+    /// Owns the addresses for clients, sensor and LabComm, in this order.
+    pub(super) fn own_ports<K, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        allowed: &Allowed,
+    ) -> Result<Ports, Box<dyn std::error::Error>> {
+        let listen = Listen { address: self.listen, transport: transport(self.udp), allowed: allowed.clone() };
+        let clients = Listening::bind(&listen)?;
+        let sensor = SensorPublisher::bind(self.sensor)
+            .map(|sensor| sensor.for_peers(allowed.clone()))
+            .map_err(|error| ServerError::listen(self.sensor, &error))?;
+        let publications = self.publications.bind::<N>(allowed, robot.simulation.gauge_resolution_m)?;
+        Ok(Ports { clients, sensor, publications })
+    }
+
+    /// Knowledge of the command line about a machine without state.
+    const fn first_run(&self) -> FirstRun {
+        if self.first_run {
+            FirstRun::Declared
+        } else if self.plant.is_simulated() && self.listen.ip().is_loopback() {
+            FirstRun::Harmless
+        } else {
+            FirstRun::Unexpected
         }
-        let motors = robot.motor_map()?;
-        let cycle = Cycle::new(config, motors, machine, epochs, latch, listen)?;
-        Ok(cycle.with_position_loops(robot.position_loops)?)
     }
 
     /// Gives up the privileges of the main thread, and so of every thread that it starts from here on.
     fn give_up_privileges(&self) {
         let recording = self.record.as_ref().map(|to| to.path().to_owned());
-        let files: Vec<PathBuf> =
-            [self.epoch_path(), recording, self.black_box.clone()].into_iter().flatten().collect();
+        // The files of the state are open.
+        let files: Vec<PathBuf> = [recording, self.black_box.clone()].into_iter().flatten().collect();
         match privileges::give_up(&files) {
             Ok(None) => {}
             Ok(Some(file)) => tracing::warn!(
@@ -272,10 +349,6 @@ impl Serve {
             ),
             Err(error) => tracing::warn!("the privileges cannot be given up: {error}"),
         }
-    }
-
-    fn epoch_path(&self) -> Option<PathBuf> {
-        self.epoch_file.clone().or_else(epoch::default_path)
     }
 
     fn check(&self) -> Result<(), &'static str> {

@@ -140,7 +140,7 @@ mod tests {
         let (motors, machine) = (robot.motor_map::<3>().unwrap(), machine.unwrap());
         let any = std::net::SocketAddr::from(([127, 0, 0, 1], 0));
         let mut cycle =
-            Cycle::new(config, motors, machine, EpochRange::VOLATILE, crate::stop_latch::StopLatch::volatile(), any)
+            Cycle::new(config, motors, machine, EpochRange::VOLATILE, crate::state::StopLatch::volatile(), any)
                 .unwrap();
         let (mut sender, rows) = rtrb::RingBuffer::new(8);
         let mut sampler = Sampler::new(rows, Monitor::new(limits, None));

@@ -27,7 +27,7 @@ use crate::server::Server;
 use crate::server::cycle::Cycle;
 use crate::server::tick_source::TickSource;
 use crate::sim::load_generator::{AppliedLoad, Load, LoadGenerator, load_generator};
-use crate::stop_latch::StopLatch;
+use crate::state::StopLatch;
 use crate::terminal::say;
 
 /// Added to the number of a step when it is compensated.

@@ -12,14 +12,14 @@ use gantry_tau_core::control::session::{self, LastWrite, Session, Start, TickInp
 use gantry_tau_core::units::EpochRange;
 
 use super::ServerError;
-use super::connections::{Connections, Listen};
+use super::connections::{Connections, Listen, Listening};
 use super::velocity_interface::{Followed, VelocityInterface};
 use crate::black_box::swap_channel::Sender;
 use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use crate::publication::Publication;
 use crate::realtime::Socket;
 use crate::sensor_link::{Sample, SensorPublisher};
-use crate::stop_latch::StopLatch;
+use crate::state::StopLatch;
 
 /// Result of one cycle, for observers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,11 +61,12 @@ pub struct Demands {
 
 /// A server without a clock.
 pub struct Cycle<const N: usize, const M: usize, P> {
+    /// First, so that a machine is given back before the addresses.
+    plant: P,
     endpoint: Box<Endpoint<N, M>>,
     connections: Connections,
     sensor: Option<SensorPublisher>,
     sensors: Vec<Publication>,
-    plant: P,
     motors: MotorMap<N, M>,
     velocity: Option<VelocityInterface<N, M>>,
     /// The machine has not taken the last references: it must be read back.
@@ -84,24 +85,37 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     pub fn new(
         config: Config<N>,
         motors: MotorMap<N, M>,
-        mut plant: P,
+        plant: P,
         epochs: EpochRange,
         latch: StopLatch,
         listen: impl Into<Listen>,
     ) -> Result<Self, ServerError> {
-        let listen = listen.into();
-        let connections = Connections::bind(&listen).map_err(|error| ServerError::listen(listen.address, &error))?;
+        Self::listening(config, motors, plant, epochs, latch, Listening::bind(&listen.into())?)
+    }
+
+    /// The same on an address that is owned already: before a machine is touched that another server may move.
+    ///
+    /// # Errors
+    /// [`ServerError`]: the machine's values in force are unreadable or beyond their limits.
+    pub fn listening(
+        config: Config<N>,
+        motors: MotorMap<N, M>,
+        mut plant: P,
+        epochs: EpochRange,
+        latch: StopLatch,
+        Listening(connections): Listening,
+    ) -> Result<Self, ServerError> {
         let in_force = plant.in_force().map_err(ServerError::Plant)?;
         // Not needed: a machine that does not answer is found before the server listens.
         plant.read(1).map_err(ServerError::Plant)?;
         let start = Start { in_force, stop_latched: latch.is_latched() };
         let session = Session::new(config, &start).map_err(|error| ServerError::Start(error.to_string()))?;
         Ok(Self {
+            plant,
             endpoint: Box::new(Endpoint::new(session, motors, epochs)),
             connections,
             sensor: None,
             sensors: Vec::new(),
-            plant,
             motors,
             velocity: None,
             write_failed: false,

@@ -3,6 +3,7 @@
 pub mod connections;
 pub mod cycle;
 pub mod event_log;
+mod port_owner;
 pub mod tick_source;
 pub mod velocity_interface;
 
@@ -18,6 +19,7 @@ use gantry_tau_core::control::message::Phase;
 
 use crate::plant::{Plant, PlantError};
 use cycle::{Cycle, Row};
+use port_owner::port_owner;
 use tick_source::TickSource;
 
 /// Rows that may wait for a slow observer, about four seconds.
@@ -58,13 +60,16 @@ impl ServerError {
     pub fn listen(address: SocketAddr, error: &io::Error) -> Self {
         let reason = match error.kind() {
             io::ErrorKind::AddrInUse => {
-                "the port is in use; is another server running? (--listen, --sensor, --labcomm)"
+                let owner =
+                    port_owner(address.port()).map_or_else(|| "another process".to_owned(), |id| format!("pid {id}"));
+                format!(
+                    "the port is in use by {owner}; is another server running? (--listen, --sensor, --gauges, --labcomm)"
+                )
             }
-            io::ErrorKind::PermissionDenied => "permission denied; choose a port above 1023",
-            io::ErrorKind::AddrNotAvailable => "this computer does not have that address",
-            _ => &error.to_string(),
+            io::ErrorKind::PermissionDenied => "permission denied; choose a port above 1023".to_owned(),
+            io::ErrorKind::AddrNotAvailable => "this computer does not have that address".to_owned(),
+            _ => error.to_string(),
         };
-        let reason = reason.to_owned();
         Self::Listen { address, reason }
     }
 }

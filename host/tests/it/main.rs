@@ -28,6 +28,8 @@ mod labcomm;
 mod monitor;
 #[cfg(unix)]
 mod operator;
+#[cfg(unix)]
+mod ownership;
 mod plan;
 #[cfg(target_os = "linux")]
 mod privileges;

@@ -38,13 +38,22 @@ impl Folder {
 
     /// Starts the binary; its output goes to `name.out` and `name.err`.
     pub(crate) fn start_with(&self, name: &str, arguments: &[&str], input: Stdio) -> Running {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gantry-tau"));
+        command.args(arguments);
+        self.start_command(name, command, input)
+    }
+
+    /// Starts a command in the surroundings of the binary, but for those that it sets by itself.
+    pub(crate) fn start_command(&self, name: &str, mut command: Command, input: Stdio) -> Running {
         let [out, err] = ["out", "err"].map(|end| self.path(&format!("{name}.{end}")));
-        let child = Command::new(env!("CARGO_BIN_EXE_gantry-tau"))
-            .args(arguments)
+        let is_set = |command: &Command, name: &str| command.get_envs().any(|(key, _)| key == name);
+        for (key, value) in [("STATE_DIRECTORY", self.0.as_os_str()), ("RUST_BACKTRACE", "1".as_ref())] {
+            if !is_set(&command, key) {
+                command.env(key, value);
+            }
+        }
+        let child = command
             .current_dir(&self.0)
-            .env("XDG_STATE_HOME", &self.0)
-            .env("LOCALAPPDATA", &self.0)
-            .env("RUST_BACKTRACE", "1")
             .env_remove("RUST_LOG")
             .stdin(input)
             .stdout(File::create(&out).unwrap())
@@ -83,7 +92,7 @@ impl Running {
     }
 
     /// Number of the process.
-    #[cfg(target_os = "linux")]
+    #[cfg(unix)]
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
@@ -103,6 +112,14 @@ impl Running {
     /// Waits until the process has printed `words` on either stream.
     pub(crate) fn await_words(&mut self, words: &str) {
         self.await_that(words, |process| process.stdout().contains(words) || process.stderr().contains(words));
+    }
+
+    /// Waits until the process has printed one of two words. Returns true if it was `this`.
+    #[cfg(unix)]
+    pub(crate) fn await_either(&mut self, this: &str, that: &str) -> bool {
+        let has = |process: &Self, words: &str| process.stdout().contains(words) || process.stderr().contains(words);
+        self.await_that(this, |process| has(process, this) || has(process, that));
+        has(self, this)
     }
 
     /// Waits until `done`; the process must live until then.

@@ -112,7 +112,7 @@ fn another_file_is_refused_with_line_and_reason() {
     let line = folder.run(&["replay", "cut.jsonl"]).failure(1);
     assert!(line.contains("cut.jsonl, line 80: the file ends with 78 ticks"), "{line}");
     for (name, words) in
-        [("none.jsonl", "os error"), (".", "os error"), ("report.html", "line 1: this is not a black box")]
+        [("none.jsonl", "os error"), (".", "is a folder"), ("report.html", "line 1: this is not a black box")]
     {
         let line = folder.run(&["replay", name]).failure(1);
         assert!(line.contains(name) && line.contains(words), "{line}");
@@ -163,4 +163,23 @@ fn a_black_box_that_cannot_be_written_is_named() {
     server.await_words("black box lost: boxes");
     let line = server.stop().failure(1);
     assert!(line.contains("boxes") && line.contains("os error"), "{line}");
+}
+
+/// Found by attack: a device was read until the memory was full, a pipe for ever.
+#[test]
+fn a_black_box_that_has_no_end_is_refused() {
+    let folder = Folder::new("endless");
+    let pipe = std::process::Command::new("mkfifo").arg(folder.path("pipe")).status();
+    assert!(pipe.unwrap().success());
+    std::fs::File::create(folder.path("big")).unwrap().set_len(10_000_000_000).unwrap();
+    for (bad, words) in [
+        ("/dev/zero", "is a device, a pipe or a socket"),
+        ("pipe", "is a device, a pipe or a socket"),
+        (".", "is a folder"),
+        ("big", "has 10000000000 bytes"),
+        ("none", "os error"),
+    ] {
+        let line = folder.run(&["replay", bad]).failure(1);
+        assert!(line.contains(bad) && line.contains(words), "{line}");
+    }
 }

@@ -18,7 +18,7 @@ use gantry_tau::server::{Controls, Server};
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::control::wire::encode_client;

@@ -1,7 +1,7 @@
 //! The same server over UDP: what is lost stays lost, what is late or twice is only counted, and an unknown sender gets no answer.
 
 use gantry_tau::server::connections::{Allowed, Listen};
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal, ServerMessage, State};
 use gantry_tau_core::control::wire::{MAX_FRAME, encode_client};

@@ -8,7 +8,7 @@ mod watched;
 
 use gantry_tau::plant::Plant;
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{Mode, Phase};

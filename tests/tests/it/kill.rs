@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use gantry_tau::epoch;
 use gantry_tau::server::ServerError;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::{Begun, FirstRun, Place, State};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_core::control::wire::encode_client;
@@ -56,15 +55,21 @@ impl EpochFile {
         Self(path)
     }
 
+    /// The state of a server that begins. The lock is given back at once: killed servers are no owners.
+    fn begin(&self) -> Begun {
+        State::own(&Place::named(&self.0), "test").unwrap().begin(FirstRun::Harmless).unwrap()
+    }
+
     fn reserve(&self) -> EpochRange {
-        epoch::reserve(&self.0).unwrap()
+        self.begin().epochs
     }
 }
 
 impl Drop for EpochFile {
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
-        let _ = std::fs::remove_file(self.0.with_extension("stop"));
+        for extension in ["", "stop", "lock"] {
+            let _ = std::fs::remove_file(self.0.with_extension(extension));
+        }
     }
 }
 
@@ -228,7 +233,7 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
 fn a_stop_outlives_the_server() {
     let file = EpochFile::new("latch");
     let bus = Bus::default();
-    let start = || ServerFixture::<3>::with_latch(bus.clone(), StopLatch::open(&file.0, true).unwrap());
+    let start = || ServerFixture::<3>::with_latch(bus.clone(), file.begin().latch);
     // A stop by the owner, and one at the machine.
     let mut session = SessionFixture::submitted_on(start()).obtain([150; 3]);
     session.say(&ClientMessage::Stop(session.client.epoch));

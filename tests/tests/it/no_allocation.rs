@@ -16,7 +16,7 @@ use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Mode, Phase, Refusal, ServerMessage};
 use gantry_tau_core::units::EpochRange;

@@ -1,7 +1,7 @@
 //! A server that is told to end: it does when zero is in force at the drives, and otherwise says what is not.
 
 use gantry_tau::server::ServerError;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::{FirstRun, Place, State};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_tests::fake_plant::Bus;
 use gantry_tau_tests::server_fixture::{ServerFixture, parameters};
@@ -50,8 +50,9 @@ fn it_waits_for_a_bus_that_comes_back() {
 /// A quit ramps as a stop does, and is none; one that was pressed before stays.
 #[test]
 fn a_quit_is_no_stop() {
-    let file = std::env::temp_dir().join(format!("gantry-tau-quit-{}", std::process::id()));
-    let open = || StopLatch::open(&file, true).unwrap();
+    let folder = std::env::temp_dir().join(format!("gantry-tau-quit-{}", std::process::id()));
+    let place = Place::named(&folder.join("epoch"));
+    let open = || State::own(&place, "test").unwrap().begin(FirstRun::Harmless).unwrap().latch;
     let server = ServerFixture::<2>::with_latch(Bus::default(), open()).spawn();
     assert!(server.quit().is_ok());
     assert!(!open().is_latched());
@@ -59,5 +60,5 @@ fn a_quit_is_no_stop() {
     server.step_stopped();
     assert!(server.spawn().quit().is_ok());
     assert!(open().is_latched());
-    std::fs::remove_file(file.with_file_name(format!("gantry-tau-quit-{}.stop", std::process::id()))).unwrap();
+    std::fs::remove_dir_all(folder).unwrap();
 }

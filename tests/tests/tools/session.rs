@@ -15,7 +15,7 @@ use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::sim::workpiece::Workpiece;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::Monitor;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;

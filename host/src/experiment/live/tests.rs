@@ -26,7 +26,7 @@ use crate::server::cycle::{Cycle, Row};
 use crate::server::tick_source::TickSource;
 use crate::sim::gauges::SimulatedGauges;
 use crate::springs::identify::{IdentifyOptions, identify};
-use crate::stop_latch::StopLatch;
+use crate::state::StopLatch;
 
 fn loopback() -> SocketAddr {
     ([127, 0, 0, 1], 0).into()

@@ -10,6 +10,7 @@ use std::net::{SocketAddr, TcpStream};
 use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::session::Connection;
 
+use super::ServerError;
 use crate::realtime::Socket;
 use datagram::Datagrams;
 use stream::Streams;
@@ -31,6 +32,21 @@ pub struct Listen {
 impl From<SocketAddr> for Listen {
     fn from(address: SocketAddr) -> Self {
         Self { address, transport: Transport::Stream, allowed: Allowed::all() }
+    }
+}
+
+/// Address of a server that owns it and does not answer yet.
+#[derive(Debug)]
+pub struct Listening(pub(super) Connections);
+
+impl Listening {
+    /// Owns the address.
+    ///
+    /// # Errors
+    /// [`ServerError::Listen`]: another process has it, or the system does not give it.
+    pub fn bind(listen: &Listen) -> Result<Self, ServerError> {
+        let bound = Connections::bind(listen).map_err(|error| ServerError::listen(listen.address, &error));
+        bound.map(Self)
     }
 }
 

@@ -8,7 +8,7 @@ use gantry_tau::server::event_log::{EventKind, EventLog};
 use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::units::EpochRange;

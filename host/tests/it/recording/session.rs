@@ -16,7 +16,7 @@ use gantry_tau::server::tick_source::TickSource;
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::units::EpochRange;

@@ -14,7 +14,7 @@ use gantry_tau::robot_file::{Ethercat, RobotFile};
 use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::message::{Capabilities, Mode, Phase};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_tests::client::Client;

@@ -17,7 +17,7 @@ use gantry_tau::server::event_log::EventLog;
 use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::model::robot::ARMS;

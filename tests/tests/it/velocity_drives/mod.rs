@@ -15,7 +15,7 @@ use gantry_tau::server::cycle::{Cycle, Demands, Row};
 use gantry_tau::sim::load_generator::{LoadGenerator, load_generator};
 use gantry_tau::sim::machine::SimulatedMachine;
 use gantry_tau::sim::parameters::Motion;
-use gantry_tau::stop_latch::StopLatch;
+use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::{Capabilities, Mode, Phase};
 use gantry_tau_core::control::position_loop::VelocityReference;

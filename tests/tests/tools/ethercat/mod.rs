@@ -12,6 +12,8 @@
     reason = "tests fail by panicking"
 )]
 
+mod ownership;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -47,6 +49,11 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("ethercat::the_demo_compensates_over_a_veth_pair", network, demo_over_veth),
         trial("ethercat::a_link_that_is_not_up_is_named", network, link_is_named),
+        trial(
+            "ethercat::a_second_server_of_a_bus_is_refused_before_its_first_frame",
+            network,
+            ownership::second_server,
+        ),
         trial("ethercat::soem_takes_the_emulated_chain_to_op", soem, move || soem_agrees(python.as_deref().unwrap())),
     ]
 }

@@ -12,6 +12,7 @@ use std::net::{TcpListener, UdpSocket};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use gantry_tau::state::{Place, State};
 use libtest_mimic::Failed;
 
 use super::record::{FAULT, LISTENING, OBTAIN, SAFE_DISCONNECT};
@@ -274,8 +275,22 @@ fn bad_parameters() {
         &format!("{ports} epoch_file=nowhere/epochs"),
         "epoch_file=nowhere/epochs: No such file or directory",
     );
+    refused("device-epochs", &format!("{ports} epoch_file=/dev/null"), "epoch_file=/dev/null: ");
+    epochs_in_use(&ports);
     refused("no-port", "port=70000 epoch_file=epochs", "port=70000 is not a port");
     refused("no-address", &format!("{ports} address=here epoch_file=epochs"), "address=here is not an IPv4 address");
+}
+
+/// One server at a time owns a counter, be it this component or `serve`.
+fn epochs_in_use(ports: &str) {
+    let folder = std::env::temp_dir().join(format!("gantry-tau-epochs-in-use-{}", std::process::id()));
+    let place = Place::named(&folder.join("epochs"));
+    let owned = State::own(&place, "test").unwrap();
+    let parameters = format!("{ports} epoch_file={}", place.epoch_file.display());
+    refused("epochs-in-use", &parameters, "epochs: in use by another server");
+    assert!(!place.epoch_file.exists());
+    drop(owned);
+    std::fs::remove_dir_all(folder).unwrap();
 }
 
 fn port_in_use() {
@@ -299,8 +314,8 @@ fn known_functions_only() {
     let text = String::from_utf8(listed.stdout).unwrap();
     let needed: BTreeSet<&str> =
         text.lines().filter_map(|line| line.split_whitespace().last()?.split('@').next()).collect();
-    let known = "accept4 bind close dirname fsync getpid inet_pton listen memcmp memcpy memmove memset bcmp nanosleep open \
-                 ppoll read recv recvfrom rename send sendto setsockopt snprintf socket strcpy strerror strlen strspn strtoull write";
+    let known = "accept4 bind close dirname dprintf flock fstat fsync ftruncate getpid inet_pton listen lstat memcmp memcpy memmove memset bcmp nanosleep open \
+                 ppoll read recv recvfrom rename send sendto setsockopt snprintf socket strcpy strerror strlen strspn strtoull unlink write";
     let known: BTreeSet<&str> = known.split_whitespace().collect();
     let is_known = |name: &str| {
         known.contains(name) || name.starts_with("hal_") || name.starts_with("rtapi_") || name.starts_with('_')

@@ -71,7 +71,7 @@ impl Sandbox {
         }
         command.args(["setpriv", "--reuid", USER, "--regid", USER, "--clear-groups", "--no-new-privs"]);
         command.args(["--bounding-set", "-all", "--inh-caps", "-all"]);
-        command.args(["env", "-i", "PATH=/usr/bin:/bin", "XDG_STATE_HOME=/tmp/state"]).args(tracer);
+        command.args(["env", "-i", "PATH=/usr/bin:/bin", "STATE_DIRECTORY=/tmp/state"]).args(tracer);
         self.serve(name, command.arg("/tmp/state/program"), pace, further)
     }
 
@@ -79,7 +79,7 @@ impl Sandbox {
     pub(super) fn start_as_root_of_a_namespace(&self, name: &str) -> Running {
         let mut command = Command::new("prlimit");
         command.args(["--memlock=8388608:8388608", "unshare", "-r"]).arg(gantry_tau());
-        command.env("XDG_STATE_HOME", &self.place);
+        command.env("STATE_DIRECTORY", &self.place);
         self.serve(name, &mut command, "lockstep", &[])
     }
 

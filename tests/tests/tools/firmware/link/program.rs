@@ -38,7 +38,7 @@ impl Running {
         let process = Process::start(
             Command::new(program)
                 .args(arguments)
-                .env("XDG_STATE_HOME", place)
+                .env("STATE_DIRECTORY", place)
                 .env_remove("RUST_LOG")
                 .stdin(Stdio::null())
                 .stdout(File::create(out).unwrap())

@@ -1,0 +1,97 @@
+//! Exclusive lock of a file, held for the life of a process. The system releases it however the process ends.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use super::regular_file::{self, Access};
+
+/// An exclusive lock; released when it is dropped. Its file stays: a file that was removed could be locked twice.
+#[derive(Debug)]
+pub struct Lock {
+    file: File,
+}
+
+impl Lock {
+    /// Takes the lock and leaves the owner's text in the file. Returns the text of the owner if that is another process.
+    pub(super) fn take(path: &Path, owner: &str) -> io::Result<Result<Self, String>> {
+        regular_file::check(path)?;
+        let file = match open_locked(path) {
+            Ok(file) => file,
+            // Of another user: it may still tell who has it.
+            Err(error) if error.kind() == ErrorKind::PermissionDenied => match open_to_read(path) {
+                Ok(None) => None,
+                _ => return Err(error),
+            },
+            Err(error) => return Err(error),
+        };
+        let Some(mut file) = file else { return Ok(Err(owner_of(path))) };
+        file.set_len(0)?;
+        file.seek(SeekFrom::Start(0))?;
+        writeln!(file, "pid {} ({owner})", std::process::id())?;
+        Ok(Ok(Self { file }))
+    }
+}
+
+/// Empties the file, so that it never names a process that has ended in order.
+impl Drop for Lock {
+    fn drop(&mut self) {
+        let _emptied = self.file.set_len(0);
+    }
+}
+
+/// Returns what the owner has written; it may not have come to it yet.
+fn owner_of(path: &Path) -> String {
+    let read = || regular_file::read(&mut regular_file::open(path, Access::Read)?);
+    for _attempt in 0..20 {
+        let text = read().unwrap_or_default();
+        let text = String::from_utf8_lossy(&text);
+        if let Some(line) = text.lines().next() {
+            return line.chars().map(|sign| if sign.is_control() { '?' } else { sign }).collect();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    "another server".to_owned()
+}
+
+/// Opens and locks a file; `None` if another process has the lock.
+#[cfg(unix)]
+fn open_locked(path: &Path) -> io::Result<Option<File>> {
+    locked(regular_file::open(path, Access::Create)?)
+}
+
+/// The same for a user who may only read it.
+#[cfg(unix)]
+fn open_to_read(path: &Path) -> io::Result<Option<File>> {
+    locked(regular_file::open(path, Access::Read)?)
+}
+
+#[cfg(unix)]
+fn locked(file: File) -> io::Result<Option<File>> {
+    use rustix::fs::{FlockOperation, flock};
+    match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(Some(file)),
+        Err(rustix::io::Errno::WOULDBLOCK) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Opens a file that others may then only read; `None` if another process has it open so.
+#[cfg(windows)]
+fn open_locked(path: &Path) -> io::Result<Option<File>> {
+    use std::os::windows::fs::OpenOptionsExt;
+    const FILE_SHARE_READ: u32 = 1;
+    const ERROR_SHARING_VIOLATION: i32 = 32;
+    let mut options = File::options();
+    options.read(true).write(true).create(true).truncate(false).share_mode(FILE_SHARE_READ);
+    match options.open(path) {
+        Ok(file) => Ok(Some(file)),
+        Err(error) if error.raw_os_error() == Some(ERROR_SHARING_VIOLATION) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(windows)]
+fn open_to_read(path: &Path) -> io::Result<Option<File>> {
+    regular_file::open(path, Access::Read).map(Some)
+}

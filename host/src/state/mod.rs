@@ -1,0 +1,198 @@
+//! State of a machine that outlives its server: epochs that were given away, and the stop latch.
+//!
+//! Three files lie beside each other: the epoch counter (`epoch`, or the file of `--epoch-file`), the stop latch (`.stop`) and the lock
+//! (`.lock`). T9 and T23 assume that one server at a time reads and writes them: [`State::own`] takes the lock before it reads anything, and
+//! the lock is held until the server has ended.
+
+mod epoch;
+mod lock;
+mod place;
+mod regular_file;
+mod stop_latch;
+
+use std::path::{Path, PathBuf};
+
+use gantry_tau_core::units::EpochRange;
+
+pub use lock::Lock;
+pub use place::{Environment, MachineName, Place, PlaceError};
+pub use stop_latch::{LatchFlusher, StopLatch};
+
+/// Error of a machine's state.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StateError {
+    /// Another server owns the state.
+    #[error(
+        "epoch file {}: in use by {owner}; a machine has one server: end that one, or name another machine with --name or --epoch-file",
+        path.display()
+    )]
+    InUse {
+        /// The epoch file.
+        path: PathBuf,
+        /// The owner: process and machine.
+        owner: String,
+    },
+    /// A file cannot be read or written, or is not one of ours.
+    #[error("{file} {}: {reason}", path.display())]
+    File {
+        /// Name of its purpose.
+        file: &'static str,
+        /// Its path.
+        path: PathBuf,
+        /// The reason, and what to do.
+        reason: String,
+    },
+    /// A first run was declared, and the state of an earlier one is there.
+    #[error("--first-run: {} is there, so the machine has run before; leave the option out", path.display())]
+    NotFirst {
+        /// The file that is there.
+        path: PathBuf,
+    },
+}
+
+/// Knowledge of the user or of the command line about a machine without state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FirstRun {
+    /// `--first-run`: the machine has never run.
+    Declared,
+    /// Nothing can be hurt: a simulated machine that only this computer reaches.
+    Harmless,
+    /// The state may have been lost.
+    Unexpected,
+}
+
+/// Stop latch of a server that starts, with the reason.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Condition {
+    /// Released: the last stop was re-armed, or there was none.
+    #[error("no stop is latched")]
+    Released,
+    /// Latched.
+    #[error(
+        "a stop was not re-armed before this server started: it starts in Fault; type `rearm` when the machine may move"
+    )]
+    Stopped,
+    /// Latched: a part of the state is missing.
+    #[error("{} is missing: a stop may be forgotten, so the server starts in Fault; check the machine, then type `rearm`", path.display())]
+    Incomplete {
+        /// The missing file.
+        path: PathBuf,
+    },
+    /// Latched: the whole state is missing.
+    #[error(
+        "no state of this machine at {}: if it has run before, a stop may be forgotten; the server starts in Fault: check the machine, then type `rearm`. \
+         Start a machine's first run with --first-run",
+        path.display()
+    )]
+    Missing {
+        /// The epoch file.
+        path: PathBuf,
+    },
+}
+
+impl Condition {
+    /// True if the server starts in Fault.
+    #[must_use]
+    pub fn is_latched(&self) -> bool {
+        *self != Self::Released
+    }
+}
+
+/// State of a machine, owned and read; nothing is written yet.
+#[derive(Debug)]
+pub struct State {
+    epoch_file: PathBuf,
+    /// The epoch file that was read: this one, or that of an earlier version.
+    source: PathBuf,
+    /// Last epoch that was given away; `None` without a file.
+    used: Option<u64>,
+    /// `None` without a file.
+    is_latched: Option<bool>,
+    lock: Lock,
+}
+
+/// State of a server that begins.
+#[derive(Debug)]
+pub struct Begun {
+    /// Epochs that no other run uses.
+    pub epochs: EpochRange,
+    /// The stop latch.
+    pub latch: StopLatch,
+    /// Its position at the start, with the reason.
+    pub condition: Condition,
+    /// Ownership of the state: to be held until the latch is not written any more.
+    pub lock: Lock,
+}
+
+impl State {
+    /// Takes the lock, then reads epochs and latch. `owner` is what another server is shown that asks for the same state.
+    ///
+    /// # Errors
+    /// [`StateError`]: another server owns the state, or a file is not one of ours, damaged or unreachable. Nothing was changed but that the
+    /// folder and the lock's file exist.
+    pub fn own(place: &Place, owner: &str) -> Result<Self, StateError> {
+        let path = &place.epoch_file;
+        let unreachable = |file, path: &Path, error: &std::io::Error| {
+            let is_ours = error.kind() != std::io::ErrorKind::InvalidInput;
+            let remedy = if is_ours { format!("; {}", place.remedy) } else { String::new() };
+            StateError::File { file, path: path.to_owned(), reason: format!("{error}{remedy}") }
+        };
+        // Before a file is created beside something that cannot be an epoch file.
+        regular_file::check(path).map_err(|error| unreachable("epoch file", path, &error))?;
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|error| unreachable("epoch file", path, &error))?;
+        }
+        let lock_file = beside(path, "lock");
+        let taken = Lock::take(&lock_file, owner).map_err(|error| unreachable("lock", &lock_file, &error))?;
+        let lock = taken.map_err(|owner| StateError::InUse { path: path.clone(), owner })?;
+        let mut source = path;
+        let mut used = epoch::read(path)?;
+        let mut is_latched = stop_latch::read(&beside(path, "stop"))?;
+        if let (None, None, Some(earlier)) = (used, is_latched, &place.earlier) {
+            source = earlier;
+            used = epoch::read(earlier)?;
+            is_latched = stop_latch::read(&beside(earlier, "stop"))?;
+        }
+        Ok(Self { epoch_file: path.clone(), source: source.clone(), used, is_latched, lock })
+    }
+
+    /// Reserves epochs and opens the latch: from here on the state is that of this run.
+    ///
+    /// # Errors
+    /// [`StateError`]: a first run was declared and is none, or a file cannot be written.
+    pub fn begin(self, first_run: FirstRun) -> Result<Begun, StateError> {
+        let condition = self.condition(first_run)?;
+        let epochs = epoch::reserve(&self.epoch_file, self.used.unwrap_or(0))?;
+        let latch = StopLatch::open(&beside(&self.epoch_file, "stop"), condition.is_latched())?;
+        Ok(Begun { epochs, latch, condition, lock: self.lock })
+    }
+
+    fn condition(&self, first_run: FirstRun) -> Result<Condition, StateError> {
+        let [epoch, latch] = [self.source.clone(), beside(&self.source, "stop")];
+        let is_own = self.source == self.epoch_file;
+        Ok(match (self.used, self.is_latched) {
+            (None, None) if first_run == FirstRun::Unexpected => Condition::Missing { path: self.epoch_file.clone() },
+            (None, None) => Condition::Released,
+            _ if first_run == FirstRun::Declared && is_own => {
+                return Err(StateError::NotFirst { path: if self.used.is_some() { epoch } else { latch } });
+            }
+            // The file of an earlier version is of all machines: its stop need not be this one's.
+            _ if first_run == FirstRun::Declared => Condition::Released,
+            (_, Some(true)) => Condition::Stopped,
+            (None, Some(false)) => Condition::Incomplete { path: epoch },
+            (Some(_), None) => Condition::Incomplete { path: latch },
+            (Some(_), Some(false)) => Condition::Released,
+        })
+    }
+}
+
+/// Returns the path of a file beside the epoch file.
+fn beside(epoch_file: &Path, extension: &str) -> PathBuf {
+    let mut path = epoch_file.as_os_str().to_owned();
+    path.push(".");
+    path.push(extension);
+    PathBuf::from(path)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,126 @@
+//! The stop latch on disk: a stop outlives the server that saw it, until somebody re-arms at the machine.
+//!
+//! The file lies beside the epoch counter. The cycle writes it in the tick that enters or leaves Fault: some bytes into an open file, which the
+//! death of the process does not undo. A [`LatchFlusher`] in another thread flushes them: only then do they survive a power failure.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use gantry_tau_core::control::message::Phase;
+
+use super::StateError;
+use super::epoch::sync_folder;
+use super::regular_file::{self, Access};
+
+/// Contents of the file, of one length, so that each replaces the other.
+const STOPPED: &str = "stopped \n";
+const RELEASED: &str = "released\n";
+
+/// Reads a latch: true if it is latched, or cannot be understood; `None` without a file.
+///
+/// # Errors
+/// [`StateError`]: not a regular file, or it cannot be read.
+pub(super) fn read(path: &Path) -> Result<Option<bool>, StateError> {
+    match regular_file::open(path, Access::Read).and_then(|mut file| regular_file::read(&mut file)) {
+        Ok(text) => Ok(Some(text != RELEASED.as_bytes())),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(failed(path, &error)),
+    }
+}
+
+fn failed(path: &Path, error: &io::Error) -> StateError {
+    StateError::File { file: "stop latch", path: path.to_owned(), reason: error.to_string() }
+}
+
+/// The latch of a server.
+#[derive(Debug)]
+pub struct StopLatch {
+    /// Absent if nothing is kept.
+    file: Option<File>,
+    is_latched: bool,
+    is_lost: bool,
+}
+
+impl StopLatch {
+    /// A latch that ends with the process: for simulations.
+    #[must_use]
+    pub const fn volatile() -> Self {
+        Self { file: None, is_latched: false, is_lost: false }
+    }
+
+    /// Opens a latch for writing, and writes its position.
+    ///
+    /// # Errors
+    /// [`StateError`]: the file cannot be written, so that a stop could not be kept.
+    pub(super) fn open(path: &Path, is_latched: bool) -> Result<Self, StateError> {
+        let opened = || {
+            let file = regular_file::open(path, Access::Create)?;
+            let mut latch = Self { file: Some(file), is_latched, is_lost: false };
+            latch.write(is_latched)?;
+            if let Some(file) = &latch.file {
+                file.set_len(RELEASED.len() as u64)?;
+                file.sync_all()?;
+            }
+            sync_folder(path)?;
+            Ok(latch)
+        };
+        opened().map_err(|error| failed(path, &error))
+    }
+
+    /// True after a stop that was not re-armed.
+    #[must_use]
+    pub const fn is_latched(&self) -> bool {
+        self.is_latched
+    }
+
+    /// True if the last change could not be written.
+    #[must_use]
+    pub const fn is_lost(&self) -> bool {
+        self.is_lost
+    }
+
+    /// Latches or releases. Does nothing if that is so already.
+    pub fn set(&mut self, is_latched: bool) {
+        if is_latched != self.is_latched || self.is_lost {
+            self.is_lost = self.write(is_latched).is_err();
+        }
+    }
+
+    fn write(&mut self, is_latched: bool) -> io::Result<()> {
+        self.is_latched = is_latched;
+        let Some(file) = &mut self.file else { return Ok(()) };
+        file.seek(SeekFrom::Start(0))?;
+        file.write_all(if is_latched { STOPPED } else { RELEASED }.as_bytes())
+    }
+}
+
+/// Flushes a latch, in a thread that may wait for the disk.
+#[derive(Debug)]
+pub struct LatchFlusher {
+    file: Option<File>,
+    is_fault: bool,
+}
+
+impl LatchFlusher {
+    /// The flusher of a latch.
+    #[must_use]
+    pub fn of(latch: &StopLatch) -> Self {
+        Self { file: latch.file.as_ref().and_then(|file| file.try_clone().ok()), is_fault: latch.is_latched }
+    }
+
+    /// Flushes when Fault is entered or left.
+    pub fn see(&mut self, phase: Phase) {
+        if self.is_fault != (phase == Phase::Fault) {
+            self.is_fault = !self.is_fault;
+            self.flush();
+        }
+    }
+
+    /// Flushes.
+    pub fn flush(&self) {
+        if let Some(Err(error)) = self.file.as_ref().map(File::sync_data) {
+            tracing::error!("the stop latch cannot be flushed to the disk: {error}");
+        }
+    }
+}
