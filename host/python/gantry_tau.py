@@ -163,7 +163,7 @@ def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, 
     returns one without States.
 
     `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
-    kinematic parameters. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
+    kinematic parameters, the lead of its screws included (`gantry-tau header` writes it). `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
     each of them the server ramps the offsets to zero by itself.
     """
     connection = None

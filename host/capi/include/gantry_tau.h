@@ -497,7 +497,7 @@ typedef struct gt_f1_geometry {
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units; rad for the last three.
   double travel[6][2];
-  // Length of one unit of each q, m: |V_i| for a cart, the screw's law for a plate.
+  // Length of one unit of each q by the drives' count, m: |V_i| to a percent for a cart, the screw's law for a plate.
   double metres_per_q[6];
 } gt_f1_geometry;
 
@@ -537,7 +537,7 @@ typedef struct gt_l2_geometry {
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units.
   double travel[GT_ARMS][2];
-  // Length of one unit of each q, m: |v_i|.
+  // Length of one unit of each q by the drives' count, m: |v_i| to a percent.
   double metres_per_q[GT_ARMS];
 } gt_l2_geometry;
 
@@ -976,7 +976,8 @@ gt_code gt_l2_init(void *memory,
                    struct gt_l2 **machine,
                    struct gt_error *error);
 
-// Returns the CRC-32 over the kinematic parameters (wire.md), for kinematics_checksum of a server; the client compares it with its own.
+// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for kinematics_checksum of a server; the client
+// compares it with its own.
 gt_code gt_l2_checksum(const struct gt_l2 *machine,
                        uint32_t *checksum);
 

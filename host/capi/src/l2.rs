@@ -88,7 +88,8 @@ pub unsafe extern "C" fn gt_l2_init(
     unsafe { create(memory, size, machine, error, || L2::new(&read(geometry)?)) }
 }
 
-/// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for kinematics_checksum of a server; the client compares it with its own.
+/// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for kinematics_checksum of a server; the client
+/// compares it with its own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u32) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
