@@ -60,8 +60,10 @@ REFUSALS = {
 }
 LOCKSTEP = 1                 # The only capability that is assigned.
 SILENCE_S = 3.0              # Time without a frame after which the server has vanished.
+CEILING_NM = 10_000_000      # Largest position offset that is ever asked for, whatever the server allows.
+FLAGS_END = 1 << 5           # Flags of an axis are below it.
 GOODBYE_STATES = 100         # Live States after a Goodbye in which the server may still not have received it.
-FIRST_SAMPLE_STATES = 1_000  # States to wait for the first usable force sample.
+FIRST_SAMPLE_STATES = 3_000  # States to wait for the first usable force sample: idle readers that hold the places of the port are dropped by then.
 PRIORITY = 40                # With --realtime: below the server, which may run on the same computer.
 SAMPLE_STATES = 100          # States that the last usable force sample may serve.
 SENSOR_READS = 4             # Reads of 64 KiB from the sensor per visit: more than a second of records, and a bound on what a flood costs.
@@ -158,18 +160,20 @@ class ControllerFailed(Failure):
 
 
 def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, states=None, patience_s=1.0, checksum=None,
-        realtime=False):
+        ceiling_nm=CEILING_NM, realtime=False):
     """Runs a controller until Ctrl-C, `Leave`, or the number of `states` is reached, and returns a `Report`; before the Welcome, Ctrl-C
     returns one without States.
 
     `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
-    kinematic parameters, the lead of its screws included (`gantry-tau header` writes it). `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
+    kinematic parameters, the lead of its screws included (`gantry-tau header` writes it). `ceiling_nm`: largest position offset that is ever
+    asked for, whatever the server allows. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
     each of them the server ramps the offsets to zero by itself.
     """
     connection = None
     try:
         # The sensor first: no session is taken from others without it.
         with _Sensor(sensor) as force, _granted(server) as connection:
+            connection.ceiling_nm = ceiling_nm
             _hold(connection, force, controller, not submit_only, states, patience_s, checksum, realtime)
     except KeyboardInterrupt:
         if connection:
@@ -441,6 +445,7 @@ class _Connection:
         self.state: Optional[State] = None
         self.unanswered, self.ended = False, False
         self.sequence, self.states, self.saturated = 0, 0, 0
+        self.ceiling_nm = CEILING_NM
 
     def __enter__(self):
         return self
@@ -451,21 +456,22 @@ class _Connection:
     def greet(self, axes):
         """Sends Hello and waits for the Welcome."""
         self._send(HELLO, struct.pack("<BBH", axes, 0, LOCKSTEP))
+        until = time.monotonic() + SILENCE_S
         while self.welcome is None:
-            self._read(SILENCE_S)
+            self._read_until(until, "it does not answer")
             for kind, body in self._frames(most=1):
                 if kind == REFUSAL and len(body) == 8:
-                    reason, detail, bits, ticks = struct.unpack("<BBHI", body)
-                    if reason == 5 and detail not in (0, axes):
-                        raise _OtherAxes(detail)
-                    text = REFUSALS.get(reason, "reason {reason}, which this client does not know")
-                    raise Refused("refused: " + text.format(reason=reason, detail=detail, bits=bits, ticks=ticks))
+                    raise _refused(body, axes)
                 if kind != WELCOME or len(body) != 28 + 48 * axes:
                     raise Incompatible(f"incompatible server: expected a Welcome for {axes} axes, got kind {kind} of {len(body)} bytes")
-                limits = tuple(Limits(*struct.unpack_from("<4i", body, 28 + 48 * axis)) for axis in range(axes))
-                self.welcome = Welcome(*self.WELCOME.unpack_from(body), limits)
-                if self.welcome.capabilities & ~LOCKSTEP:
-                    raise Incompatible(f"the server needs capabilities {self.welcome.capabilities:#06x}")
+                welcome = Welcome(*self.WELCOME.unpack_from(body), _limits(body[28:]))
+                if welcome.axes != axes:
+                    raise Incompatible(f"incompatible server: a Welcome says {welcome.axes} axes, and has the length of one for {axes}")
+                if welcome.cycle_us == 0:
+                    raise Incompatible("incompatible server: its cycle is 0 us")
+                if welcome.capabilities & ~LOCKSTEP:
+                    raise Incompatible(f"incompatible server: it needs capabilities {welcome.capabilities:#06x}")
+                self.welcome = welcome
 
     def receive(self, is_ready=True):
         """Reads what has arrived, if anything; returns its States. The newest is `state`, to be answered."""
@@ -489,6 +495,7 @@ class _Connection:
             self.state, self.unanswered = state, state.phase in LIVE
             self.ended |= not self.unanswered
             self.states += 1
+            self.heard = time.monotonic()
             states.append(state)
         return states
 
@@ -496,7 +503,8 @@ class _Connection:
         """Answers the newest State, if it waits for an answer: targets cut to their limits, and the mode."""
         if not self.unanswered:
             return
-        cut = [max(-limits.max, min(limits.max, target)) for target, limits in zip(targets_nm, self.welcome.limits)]
+        reach = [min(limits.max, self.ceiling_nm) for limits in self.welcome.limits]
+        cut = [max(-most, min(most, target)) for target, most in zip(targets_nm, reach)]
         self.saturated += cut != targets_nm
         # Obtain only where the server has accepted a command that asked for Submit.
         submitted = self.sequence > 0 and self.state.phase in ("Submit", "Obtain")
@@ -513,29 +521,45 @@ class _Connection:
         """
         if not self.ended:
             self._send(GOODBYE, struct.pack("<Q", self.welcome.epoch))
-        last = self.states + GOODBYE_STATES
+        last, until = self.states + GOODBYE_STATES, time.monotonic() + SILENCE_S
         while not self.ended:
             if self.states >= last:
                 raise Vanished(f"the server vanished: it has not acknowledged the Goodbye within {GOODBYE_STATES} States")
-            self.receive()
+            if not self._take_states():
+                self._read_until(until, "it has not acknowledged the Goodbye")
+                self._take_states()
         if self.state.cause != CAUSES[6]:
             raise Ended(f"the server ended the session: {self.state.cause}")
 
     def check_silence(self):
+        """Ends the session without a whole State for long; single bytes are none."""
         if time.monotonic() - self.heard > SILENCE_S:
             raise Vanished("the server vanished: it has been silent for too long")
+
+    def _read_until(self, until, reason):
+        """Reads what comes until a time, which is that of a step and not of a read."""
+        left = until - time.monotonic()
+        if left <= 0.0:
+            raise Vanished(f"the server vanished: {reason}")
+        try:
+            self._read(left)
+        except _NothingCame:
+            raise Vanished(f"the server vanished: {reason}") from None
 
     def _parsed(self, body):
         tick, epoch, accepted, phase, cause, axes, on_time, ramp, arrival, *counters = self.STATE.unpack_from(body)
         if axes != self.welcome.axes or phase >= len(PHASES) or cause >= len(CAUSES):
             raise Incompatible(f"incompatible server: a State has {axes} axes, phase {phase}, cause {cause}")
         rows = list(self.AXIS.iter_unpack(body[self.STATE.size:]))
-        nominal, offset, _, _, shadow, _, _, actual, velocity, torque, flags, _ = zip(*rows)
+        nominal, offset, _, _, shadow, _, _, actual, velocity, torque, flags, reserved = zip(*rows)
+        if any(reserved) or any(axis >= FLAGS_END for axis in flags):
+            raise Incompatible(f"incompatible server: a State has flags {flags} and reserved bytes {reserved}")
         return State(tick, epoch, accepted, PHASES[phase], CAUSES[cause], on_time, ramp, arrival, tuple(counters),
                      nominal, offset, shadow, actual, velocity, torque, flags)
 
     def _send(self, kind, body):
         frame = self.HEADER.pack(b"GT", 1, kind, len(body)) + body
+        self.socket.settimeout(SILENCE_S)
         try:
             self.socket.sendall(frame + struct.pack("<I", zlib.crc32(frame)))
         except OSError as error:
@@ -548,13 +572,12 @@ class _Connection:
         try:
             data = self.socket.recv(65_536)
         except socket.timeout as error:
-            raise Vanished("the server vanished: it has been silent for too long") from error
+            raise _NothingCame("the server vanished: it has been silent for too long") from error
         except OSError as error:
             raise Vanished(f"the server vanished: {error}") from error
         if not data:
             raise Vanished("the server vanished: it closed the connection")
         self.rest += data
-        self.heard = time.monotonic()
 
     def _frames(self, most=None):
         """Yields kind and body of whole frames, at most so many."""
@@ -571,6 +594,32 @@ class _Connection:
             self.rest = self.rest[end + 4:]
             most = None if most is None else most - 1
             yield kind, frame[self.HEADER.size:]
+
+
+class _NothingCame(Vanished):
+    """The time of a read is over."""
+
+
+def _refused(body, axes):
+    """Returns the failure that a Refusal is."""
+    reason, detail, bits, ticks = struct.unpack("<BBHI", body)
+    used = {2: (0, 0, ticks), 3: (0, 0, ticks), 4: (detail, 0, 0), 5: (detail, 0, 0), 6: (0, bits, 0)}.get(reason, (0, 0, 0))
+    if reason not in REFUSALS or used != (detail, bits, ticks):
+        return Incompatible(f"incompatible server: a Refusal has reason {reason}, detail {detail}, bits {bits:#06x}, ticks left {ticks}")
+    if reason == 5 and detail not in (0, axes):
+        return _OtherAxes(detail)
+    return Refused("refused: " + REFUSALS[reason].format(detail=detail, bits=bits, ticks=ticks))
+
+
+def _limits(body):
+    """Returns the limits of the position offsets, axis order, after a check of those of every channel."""
+    channels = [Limits(*values) for values in struct.iter_unpack("<4i", body)]
+    for number, limits in enumerate(channels):
+        if not (limits.max >= 0 and 0 < limits.ramp <= limits.step and limits.step + limits.ramp <= limits.accel):
+            channel = ("position", "velocity", "torque")[number % 3]
+            raise Incompatible(f"incompatible server: {channel} limits of axis {number // 3 + 1} are max {limits.max}, step {limits.step}, "
+                               f"accel {limits.accel}, ramp {limits.ramp}; expected 0 <= max, 0 < ramp <= step, step + ramp <= accel")
+    return tuple(channels[::3])
 
 
 class _OtherAxes(Failure):

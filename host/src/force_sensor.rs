@@ -5,7 +5,9 @@ mod labcomm;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
+use std::sync::atomic::AtomicBool;
 
+use crate::dial::Addresses;
 use crate::sensor_link::{Sample, SensorReader};
 use labcomm::LabcommSensor;
 
@@ -19,29 +21,29 @@ const SILENCE: &str = "none has come for too long";
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SensorSource {
     /// Records of [`crate::sensor_link`], with the server's ticks.
-    Records(SocketAddr),
+    Records(Addresses),
     /// A LabComm stream of either generation, with a sample of six floats or doubles.
     Labcomm {
-        /// Address.
-        address: SocketAddr,
+        /// Addresses, of which the first that answers is taken.
+        address: Addresses,
         /// Name of the sample.
         name: String,
     },
 }
 
 impl SensorSource {
-    /// Address.
+    /// Addresses.
     #[must_use]
-    pub const fn address(&self) -> SocketAddr {
+    pub const fn address(&self) -> &Addresses {
         match self {
-            Self::Records(address) | Self::Labcomm { address, .. } => *address,
+            Self::Records(address) | Self::Labcomm { address, .. } => address,
         }
     }
 }
 
 impl From<SocketAddr> for SensorSource {
     fn from(address: SocketAddr) -> Self {
-        Self::Records(address)
+        Self::Records(address.into())
     }
 }
 
@@ -67,15 +69,15 @@ impl ForceSensor {
     /// Connects.
     ///
     /// # Errors
-    /// Nothing listens there.
-    pub fn connect(source: &SensorSource) -> io::Result<Self> {
+    /// Nothing listens there; [`io::ErrorKind::Interrupted`] if `quit` was set meanwhile.
+    pub fn connect(source: &SensorSource, quit: &AtomicBool) -> io::Result<Self> {
         match source {
-            SensorSource::Records(address) => SensorReader::connect(*address).map(Self::Records),
-            SensorSource::Labcomm { address, name } => LabcommSensor::connect(*address, name).map(Self::Labcomm),
+            SensorSource::Records(address) => SensorReader::connect(address.clone(), quit).map(Self::Records),
+            SensorSource::Labcomm { address, name } => LabcommSensor::connect(address, name, quit).map(Self::Labcomm),
         }
     }
 
-    /// Takes everything that has arrived, and returns the latest sample. A LabComm sample has no tick: it gets `tick`, that of the last
+    /// Takes what has arrived, as far as a visit reads, and returns the latest sample. A LabComm sample has no tick: it gets `tick`, that of the last
     /// State, when it comes.
     ///
     /// # Errors

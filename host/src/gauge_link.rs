@@ -73,13 +73,14 @@ const _: () = assert!(HEAD + 8 * MAX_GAUGES == LONGEST, "the longest record has 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dial::NEVER;
     use std::io::Write;
     use std::net::TcpListener;
 
     #[test]
     fn the_latest_lengths_arrive() {
         let mut publisher = GaugePublisher::bind(([127, 0, 0, 1], 0).into()).unwrap();
-        let mut reader = GaugeReader::connect(publisher.address().unwrap()).unwrap();
+        let mut reader = GaugeReader::connect(publisher.address().unwrap(), &NEVER).unwrap();
         let lengths = |tick| Lengths::new(tick, [1.0e-6, -2.0e-6, f64::MIN_POSITIVE]);
         let mut tick = 0;
         let received = loop {
@@ -100,7 +101,7 @@ mod tests {
     /// Reads bytes to their end; returns the last lengths and the error.
     fn read_all(bytes: &[u8]) -> (Option<Lengths>, io::Error) {
         let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
-        let mut reader = GaugeReader::connect(listener.local_addr().unwrap()).unwrap();
+        let mut reader = GaugeReader::connect(listener.local_addr().unwrap(), &NEVER).unwrap();
         let (mut stream, _) = listener.accept().unwrap();
         stream.write_all(bytes).unwrap();
         drop(stream);

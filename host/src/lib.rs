@@ -12,6 +12,7 @@ pub mod black_box;
 pub mod client;
 pub mod counts;
 pub mod demo;
+pub mod dial;
 pub mod draw;
 pub mod elastic;
 #[cfg(all(feature = "ethercat", target_os = "linux"))]
@@ -31,6 +32,7 @@ pub mod linuxcnc;
 pub mod measurements;
 pub mod model;
 pub mod monitor;
+mod places;
 pub mod plan;
 pub mod plant;
 pub mod plots;

@@ -3,13 +3,23 @@
 use std::io::{self, Read};
 use std::marker::PhantomData;
 use std::net::{SocketAddr, TcpStream};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use crate::dial::{self, Addresses};
 use crate::readers::Readers;
 use crate::server::connections::Allowed;
 
 /// Longest wait for a publisher to answer.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Bytes that the system keeps for a reader: half a second of records. One that reads nothing is dropped after two seconds at 1 kHz, with what
+/// its own system takes.
+const SEND_BUFFER: usize = 32 * 1024;
+/// Bytes read at once.
+const CHUNK: usize = 16_384;
+/// Reads per visit: seconds of records, and a bound on the work that a flood can cause.
+const READS: usize = 16;
 
 /// Bytes of the longest record of any kind.
 pub const LONGEST: usize = 144;
@@ -52,7 +62,7 @@ impl<R: Record> Publisher<R> {
     /// # Errors
     /// The address cannot be bound.
     pub fn bind(address: SocketAddr) -> io::Result<Self> {
-        Ok(Self { readers: Readers::bind(address)?, record: PhantomData })
+        Ok(Self { readers: Readers::bind(address)?.with_send_buffer(SEND_BUFFER), record: PhantomData })
     }
 
     /// Serves only these peers.
@@ -91,35 +101,48 @@ impl<R: Record> Reader<R> {
     /// Connects to a publisher.
     ///
     /// # Errors
-    /// No publisher listens there.
-    pub fn connect(address: SocketAddr) -> io::Result<Self> {
-        let stream = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
+    /// No publisher listens there; [`io::ErrorKind::Interrupted`] if `quit` was set meanwhile.
+    pub fn connect(address: impl Into<Addresses>, quit: &AtomicBool) -> io::Result<Self> {
+        let stream = dial::connect(&address.into(), CONNECT_TIMEOUT, quit)?;
         stream.set_nodelay(true)?;
         stream.set_nonblocking(true)?;
         Ok(Self { stream, buffer: [0; LONGEST], filled: 0, latest: None })
     }
 
-    /// Takes everything that has arrived and returns the latest whole record.
+    /// Takes what has arrived, as far as a visit reads, and returns the latest whole record of it.
     ///
     /// # Errors
     /// [`io::ErrorKind::InvalidData`]: bytes that begin no record, after which the stream is not understood any more. Others: the publisher is gone.
     pub fn latest(&mut self) -> io::Result<Option<R>> {
-        loop {
-            let expected = self.expected()?;
-            let room = self.buffer.get_mut(self.filled..expected).unwrap_or_default();
-            match self.stream.read(room) {
+        let mut chunk = [0; CHUNK];
+        for _ in 0..READS {
+            match self.stream.read(&mut chunk) {
                 Ok(0) => return Err(closed()),
-                Ok(count) => self.filled += count,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(self.latest),
+                Ok(count) => self.take(chunk.get(..count).unwrap_or_default())?,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Err(error) => return Err(error),
             }
+        }
+        Ok(self.latest)
+    }
+
+    /// Takes bytes; of the records that they complete the last one counts.
+    fn take(&mut self, mut bytes: &[u8]) -> io::Result<()> {
+        while !bytes.is_empty() {
+            let expected = self.expected()?;
+            let room = self.buffer.get_mut(self.filled..expected).unwrap_or_default();
+            let (part, rest) = bytes.split_at(room.len().min(bytes.len()));
+            room.iter_mut().zip(part).for_each(|(place, byte)| *place = *byte);
+            self.filled += part.len();
+            bytes = rest;
             // What has just arrived may say that more belongs to the record.
             if self.filled == self.expected()? {
                 self.latest = Some(R::take(self.arrived()));
                 self.filled = 0;
             }
         }
+        Ok(())
     }
 
     fn arrived(&self) -> &[u8] {

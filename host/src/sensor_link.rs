@@ -43,11 +43,12 @@ pub type SensorReader = Reader<Sample>;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dial::NEVER;
 
     #[test]
     fn the_latest_sample_arrives() {
         let mut publisher = SensorPublisher::bind(([127, 0, 0, 1], 0).into()).unwrap();
-        let mut reader = SensorReader::connect(publisher.address().unwrap()).unwrap();
+        let mut reader = SensorReader::connect(publisher.address().unwrap(), &NEVER).unwrap();
         let sample = |tick| Sample { tick, wrench: [1.0, -2.0, 3.5, 0.1, f64::MIN_POSITIVE, -0.0] };
         let mut tick = 0;
         let received = loop {

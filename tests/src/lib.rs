@@ -5,6 +5,7 @@
 //! | [`fake_plant`] | a machine that records every reference it is written |
 //! | [`server_fixture`] | the server's cycle around it, with the bounds of `docs/design.md` 6 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
+//! | [`client_cases`] | what a client makes of the frames that answer its Hello, for both clients |
 //! | [`session_fixture`] | both together: one session, tick by tick |
 //! | [`short_demo`] | the demo with two force steps, on any machine |
 //! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
@@ -22,6 +23,7 @@
 )]
 
 pub mod client;
+pub mod client_cases;
 pub mod fake_plant;
 pub mod fuzzed;
 pub mod labcomm;

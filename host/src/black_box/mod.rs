@@ -119,6 +119,11 @@ impl<const N: usize> Window<N> {
     }
 }
 
+/// True for an end after which the next client is let in without a hand at the machine: any client can bring about as many as it likes.
+const fn is_end_by_anyone(cause: Cause) -> bool {
+    !matches!(cause, Cause::Stop | Cause::Nominal | Cause::Restart)
+}
+
 /// Reads the number of axes that a file announces; `name` stands for the file in errors.
 ///
 /// # Errors

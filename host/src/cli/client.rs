@@ -1,12 +1,12 @@
 //! `gantry-tau client`.
 
-use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use clap::Args;
 use gantry_tau::client::{ClientControls, ClientError, ClientOptions, Observer, operator};
+use gantry_tau::dial::Addresses;
 use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
@@ -15,7 +15,7 @@ use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::{AxisState, State, Welcome};
 
 use super::recording::ClientRecording;
-use super::{MachineCommand, Outcome, address, fail, sensor, transport};
+use super::{MachineCommand, Outcome, fail, peer, sensor, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
@@ -29,8 +29,8 @@ use super::{MachineCommand, Outcome, address, fail, sensor, transport};
 #[derive(Debug, Args)]
 pub(crate) struct Client {
     /// Address of the server
-    #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = address)]
-    server: SocketAddr,
+    #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = peer)]
+    server: Addresses,
     /// The force sensor: the address of the server's link, or labcomm: for a LabComm stream with a sample NAME of type float[6] or
     /// double[6] [default NAME: forcesensor]
     #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
@@ -70,6 +70,10 @@ impl MachineCommand for Client {
             Ok(report) => report,
             Err(error) => return Ok(fail(error.exit_code(), &error)),
         };
+        if report.states == 0 {
+            say("left before a session was granted");
+            return Ok(ExitCode::SUCCESS);
+        }
         say(format_args!(
             "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
             report.states, report.held, report.saturated

@@ -2,7 +2,6 @@
 
 use std::any::Any;
 use std::io::BufRead;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -10,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 
 use clap::Args;
+use gantry_tau::dial::Addresses;
 use gantry_tau::experiment::live::{self, LiveOptions};
 use gantry_tau::experiment::simulated::simulate;
 use gantry_tau::experiment::table::Table;
@@ -24,7 +24,7 @@ use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::springs::thesis;
 use gantry_tau::terminal::say;
 
-use super::{MachineCommand, Outcome, address, fail, run_on, sensor, transport};
+use super::{MachineCommand, Outcome, fail, peer, run_on, sensor, transport};
 
 /// Measure a campaign of forces and gauges, window by window
 ///
@@ -55,14 +55,14 @@ pub(crate) struct Experiment {
     #[arg(long, value_name = "l2|f1|FILE", requires = "simulated")]
     client: Option<String>,
     /// Address of the server
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
-    server: SocketAddr,
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = peer)]
+    server: Addresses,
     /// The force sensor, as `client` has it
     #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
     sensor: SensorSource,
     /// Address of the gauges
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
-    gauges: SocketAddr,
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = peer)]
+    gauges: Addresses,
     /// Type the readings of the gauges in
     #[arg(long, conflicts_with = "unattended")]
     ask_gauges: bool,
@@ -193,10 +193,10 @@ impl Experiment {
         let options = LiveOptions {
             robot,
             plan,
-            server: self.server,
+            server: self.server.clone(),
             transport: transport(self.udp),
             sensor: self.sensor.clone(),
-            gauges: (!self.ask_gauges).then_some(self.gauges),
+            gauges: (!self.ask_gauges).then(|| self.gauges.clone()),
             obtain: self.obtain,
             is_unattended: self.unattended,
             raw: self.raw.clone(),

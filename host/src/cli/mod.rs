@@ -22,10 +22,11 @@ mod serve;
 mod verify;
 mod workspace;
 
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::SocketAddr;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use gantry_tau::dial::Addresses;
 use gantry_tau::force_sensor::{DEFAULT_NAME, SensorSource};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, RobotFileError};
@@ -158,21 +159,24 @@ fn fail(code: u8, error: impl std::fmt::Display) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// An address or a host name, with a port. Prefers IPv4, on which the server listens by default.
+/// An address or a host name to listen on, with a port. Prefers IPv4.
 fn address(text: &str) -> Result<SocketAddr, String> {
-    let all: Vec<SocketAddr> = text.to_socket_addrs().map_err(|error| error.to_string())?.collect();
-    let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
-    first.copied().ok_or_else(|| "unknown host".to_owned())
+    peer(text).map(|addresses| addresses.first())
+}
+
+/// Addresses or a host name to connect to, with a port.
+fn peer(text: &str) -> Result<Addresses, String> {
+    text.parse()
 }
 
 /// A force sensor: an address, or `labcomm:` with address and name of a sample.
 fn sensor(text: &str) -> Result<SensorSource, String> {
-    let Some(stream) = text.strip_prefix("labcomm:") else { return address(text).map(SensorSource::Records) };
+    let Some(stream) = text.strip_prefix("labcomm:") else { return peer(text).map(SensorSource::Records) };
     let (at, name) = stream.split_once('/').unwrap_or((stream, DEFAULT_NAME));
     if name.is_empty() {
         return Err("expected the name of a sample after the slash".to_owned());
     }
-    Ok(SensorSource::Labcomm { address: address(at)?, name: name.to_owned() })
+    Ok(SensorSource::Labcomm { address: peer(at)?, name: name.to_owned() })
 }
 
 /// Transport selected by `--udp`.

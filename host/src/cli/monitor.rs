@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
+use gantry_tau::dial::Addresses;
 use gantry_tau::model::MachineKind;
 use gantry_tau::monitor::web::{Web, figures};
 use gantry_tau::monitor::{MonitorOptions, Tap, View, run, run_page, tap};
@@ -17,7 +18,7 @@ use gantry_tau::server::cycle::Row;
 use gantry_tau::terminal::say;
 
 use super::labcomm::LabcommVersion;
-use super::{MachineCommand, Outcome, address, run_on};
+use super::{MachineCommand, Outcome, address, peer, run_on};
 
 /// Watch a server: phase, counters, axes, force and events, on the terminal, as JSON or as a page that draws the machine
 ///
@@ -29,8 +30,8 @@ use super::{MachineCommand, Outcome, address, run_on};
 #[derive(Debug, Args)]
 pub(crate) struct Monitor {
     /// Address of the server's LabComm port
-    #[arg(default_value = "127.0.0.1:7003", value_name = "HOST:PORT", value_parser = address)]
-    server: SocketAddr,
+    #[arg(default_value = "127.0.0.1:7003", value_name = "HOST:PORT", value_parser = peer)]
+    server: Addresses,
     /// Print one line of JSON and end, instead of the screen
     #[arg(long)]
     status: bool,
@@ -69,7 +70,7 @@ impl Monitor {
     fn show(&self, tap: Option<Box<dyn Tap>>) -> Outcome {
         let quit = interrupted()?;
         let view = if self.status { View::Status { every: self.every } } else { View::Screen };
-        let options = MonitorOptions { server: self.server, view, quit_after: self.quit_after };
+        let options = MonitorOptions { server: self.server.clone(), view, quit_after: self.quit_after };
         let (code, recorded) = run(&options, tap, &quit);
         tell(recorded)?;
         Ok(code)
@@ -90,7 +91,7 @@ impl Monitor {
             .map_err(|error| format!("cannot serve the page on {address}: {error}"))?;
         let quit = interrupted()?;
         say(format_args!("page on http://{}/; Ctrl-C ends", page.address()?));
-        tell(run_page(self.server, &mut page, tap, self.quit_after, &quit))?;
+        tell(run_page(self.server.clone(), &mut page, tap, self.quit_after, &quit))?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -7,7 +7,6 @@ mod run;
 
 use std::fmt;
 use std::io;
-use std::net::SocketAddr;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
@@ -15,6 +14,7 @@ use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, Refusal, State, Welcome};
 
+use crate::dial::Addresses;
 use crate::force_sensor::SensorSource;
 use crate::record::{RecordTo, Recorded};
 use crate::robot_file::RobotFile;
@@ -28,8 +28,8 @@ pub use run::{run, run_observed};
 /// Options of a client.
 #[derive(Clone, Debug)]
 pub struct ClientOptions<K, const N: usize> {
-    /// Address of the server.
-    pub server: SocketAddr,
+    /// Addresses of the server, of which the first that answers is taken.
+    pub server: Addresses,
     /// TCP or UDP.
     pub transport: Transport,
     /// The force sensor.
@@ -99,8 +99,8 @@ pub enum ClientError {
     Unreachable {
         /// The peer: "server" or "force sensor".
         what: &'static str,
-        /// Its address.
-        address: SocketAddr,
+        /// Its addresses.
+        address: Addresses,
         /// Error of the system.
         error: io::Error,
     },
@@ -118,6 +118,8 @@ pub enum ClientError {
     GaugesSilent(String),
     /// The machine's model or the recording cannot be used.
     Setup(String),
+    /// The client was told to leave before a session was granted.
+    Quit,
 }
 
 impl From<protocol::ClientError> for ClientError {
@@ -135,10 +137,19 @@ impl From<protocol::ClientError> for ClientError {
 }
 
 impl ClientError {
+    /// Returns the error of a peer to which no connection could be made, or the wish to leave that ended the attempt.
+    pub(crate) fn unreachable(what: &'static str, address: &Addresses, error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::Interrupted => Self::Quit,
+            _ => Self::Unreachable { what, address: address.clone(), error },
+        }
+    }
+
     /// Returns the exit code of the command line.
     #[must_use]
     pub const fn exit_code(&self) -> u8 {
         match self {
+            Self::Quit => 0,
             Self::Setup(_) => 1,
             Self::Unreachable { .. } => 3,
             Self::Refused(_) => 4,
@@ -164,6 +175,7 @@ impl fmt::Display for ClientError {
             Self::SensorSilent(reason) => write!(f, "no force samples: {reason}"),
             Self::GaugesSilent(reason) => write!(f, "no gauges: {reason}"),
             Self::Setup(reason) => f.write_str(reason),
+            Self::Quit => f.write_str("left before a session was granted"),
         }
     }
 }

@@ -18,15 +18,15 @@ use crate::record::{ClientRow, Recorder, Recording, Seen};
 use crate::robot_file::CYCLE_US;
 use crate::sensor_link::Sample;
 
-/// Time without a message after which the server has vanished.
-const SILENCE: Duration = Duration::from_secs(3);
+/// Longest time for each step: to connect, to be welcomed, to hear the next State, to leave. A server that takes longer has vanished.
+const PATIENCE: Duration = Duration::from_secs(3);
 /// States that the last usable force sample may serve.
 const SAMPLE_STATES: u64 = 100;
-/// States to wait for the first sample.
-const FIRST_SAMPLE_STATES: u64 = 1_000;
+/// States to wait for the first sample: a sensor whose places are taken by readers that read nothing has dropped them by then.
+const FIRST_SAMPLE_STATES: u64 = 3_000;
 
 struct Session<'a, const N: usize> {
-    link: Connection<N>,
+    link: Connection<'a, N>,
     sensor: ForceSensor,
     sample: Option<Sample>,
     compensation: Compensation<N>,
@@ -53,11 +53,22 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     run_observed(options, controls, &mut ())
 }
 
-/// As [`run`], with an observer.
+/// As [`run`], with an observer. The report of a client that was told to leave before a session was granted has no States.
 ///
 /// # Errors
 /// As [`run`], and the observer's.
 pub fn run_observed<K: MachineKind<N>, const N: usize>(
+    options: &ClientOptions<K, N>,
+    controls: &ClientControls,
+    observer: &mut dyn Observer<N>,
+) -> Result<ClientReport, ClientError> {
+    match hold_session(options, controls, observer) {
+        Err(ClientError::Quit) => Ok(ClientReport::default()),
+        ended => ended,
+    }
+}
+
+fn hold_session<K: MachineKind<N>, const N: usize>(
     options: &ClientOptions<K, N>,
     controls: &ClientControls,
     observer: &mut dyn Observer<N>,
@@ -67,12 +78,10 @@ pub fn run_observed<K: MachineKind<N>, const N: usize>(
         cycle_us: Some(CYCLE_US),
         kinematics_checksum: Some(options.robot.checksum()),
     };
-    let mut link = Connection::open(options.transport, options.server, SILENCE, requirements)?;
-    let sensor = ForceSensor::connect(&options.sensor).map_err(|error| ClientError::Unreachable {
-        what: "force sensor",
-        address: options.sensor.address(),
-        error,
-    })?;
+    let (transport, server) = (options.transport, options.server.clone());
+    let mut link = Connection::open_unless(&controls.quit, transport, server, PATIENCE, requirements)?;
+    let sensor = ForceSensor::connect(&options.sensor, &controls.quit)
+        .map_err(|error| ClientError::unreachable("force sensor", options.sensor.address(), error))?;
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
     let recorder = options.record.as_ref().map(|to| {
         let mut seen = Seen::default();
@@ -118,10 +127,13 @@ pub fn run_observed<K: MachineKind<N>, const N: usize>(
 impl<const N: usize> Session<'_, N> {
     fn answer_until_done(&mut self) -> Result<(), ClientError> {
         loop {
-            let state = match self.next_event()? {
-                Event::State(state) => state,
-                Event::Ended(state) => return Err(ended(&state)),
-                _ => continue,
+            let state = match self.next_event() {
+                Ok(Event::State(state)) => state,
+                Ok(Event::Ended(state)) => return Err(ended(&state)),
+                Ok(_) => continue,
+                // A server that sends nothing is left as well.
+                Err(ClientError::Quit) => return self.leave(),
+                Err(error) => return Err(error),
             };
             if self.controls.quit.load(Ordering::Relaxed) {
                 return self.leave();
@@ -156,15 +168,9 @@ impl<const N: usize> Session<'_, N> {
         }
     }
 
-    /// Sends Goodbye and waits until the server has received it: a connection closed at once would be the cause instead.
-    /// The ramp that follows is the server's.
     fn leave(&mut self) -> Result<(), ClientError> {
-        loop {
-            self.link.goodbye()?;
-            if let Event::Ended(_) = self.next_event()? {
-                return Ok(());
-            }
-        }
+        self.report.states += self.link.leave()?;
+        Ok(())
     }
 
     /// Waits for the next State of the session or its end.

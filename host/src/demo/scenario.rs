@@ -135,7 +135,7 @@ where
     let (relay, _) = Relay::spawn(LOOPBACK, server.address, Transport::Stream, FaultPlan::default())?;
     let controls = Arc::new(ClientControls::default());
     let client_options = ClientOptions {
-        server: relay.address,
+        server: relay.address.into(),
         transport: Transport::Stream,
         sensor: sensor_address.into(),
         robot: options.client.as_ref().unwrap_or(robot).clone(),
@@ -291,7 +291,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     }
 
     /// Connects another client.
-    fn newcomer(&self) -> Result<Connection<N>, ClientError> {
+    fn newcomer(&self) -> Result<Connection<'static, N>, ClientError> {
         let requirements = Requirements { capabilities: Capabilities::LOCKSTEP, ..Requirements::default() };
         let address = self.server.address;
         Connection::open(Transport::Stream, address, NEWCOMER_SILENCE, requirements)

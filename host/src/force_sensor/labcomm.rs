@@ -1,11 +1,13 @@
 //! Force samples out of a LabComm stream `[T 4.2.3, 4.2.5]`: found by name and type; everything else is walked over.
 
 use std::io::{self, Read};
-use std::net::{SocketAddr, TcpStream};
+use std::net::TcpStream;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use gantry_tau_labcomm::{Definition, Event, Type};
 
+use crate::dial::{self, Addresses};
 use crate::labcomm::{Stream, type_text};
 use crate::record_link::closed;
 use crate::sensor_link::Sample;
@@ -14,8 +16,8 @@ use crate::sensor_link::Sample;
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// Bytes read at once.
 const CHUNK: usize = 4_096;
-/// Reads from one stream per visit, a bound on the work a flood can cause.
-const READS: usize = 64;
+/// Reads per visit: ten times what a server sends in a tick, and a bound on the work that a flood of short samples can cause.
+const READS: usize = 4;
 /// Names of samples in a message at most.
 const NAMES: usize = 8;
 /// Largest value of any sample in the stream, bytes.
@@ -32,8 +34,8 @@ pub struct LabcommSensor {
 
 impl LabcommSensor {
     /// Connects to a stream that defines a sample `name`.
-    pub(super) fn connect(address: SocketAddr, name: &str) -> io::Result<Self> {
-        let socket = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT)?;
+    pub(super) fn connect(address: &Addresses, name: &str, quit: &AtomicBool) -> io::Result<Self> {
+        let socket = dial::connect(address, CONNECT_TIMEOUT, quit)?;
         socket.set_nodelay(true)?;
         socket.set_nonblocking(true)?;
         Ok(Self { socket, name: name.to_owned(), stream: Stream::new(MAX_VALUE), latest: None })

@@ -12,11 +12,11 @@ mod stream;
 pub mod web;
 
 use std::collections::VecDeque;
-use std::net::SocketAddr;
 use std::time::{Duration, Instant, SystemTime};
 
 use gantry_tau_core::control::message::Cause;
 
+use crate::dial::Addresses;
 use crate::record::Recorded;
 
 pub use assembly::Tick;
@@ -46,7 +46,7 @@ pub struct Entry {
 
 /// Reader of one server, which reconnects.
 pub struct Monitor {
-    server: SocketAddr,
+    server: Addresses,
     stream: Option<Stream>,
     /// Time of the next attempt.
     retry: Instant,
@@ -61,7 +61,8 @@ pub struct Monitor {
 impl Monitor {
     /// Monitor of a server, which is not yet connected.
     #[must_use]
-    pub fn of(server: SocketAddr) -> Self {
+    pub fn of(server: impl Into<Addresses>) -> Self {
+        let server = server.into();
         let now = Instant::now();
         Self {
             server,
@@ -87,10 +88,10 @@ impl Monitor {
         self.tap.map(Tap::finish)
     }
 
-    /// Address of the server.
+    /// Addresses of the server.
     #[must_use]
-    pub const fn server(&self) -> SocketAddr {
-        self.server
+    pub const fn server(&self) -> &Addresses {
+        &self.server
     }
 
     /// Reads what has come; connects if there is no connection, at most every half second.
@@ -112,7 +113,7 @@ impl Monitor {
             None if Instant::now() < self.retry => return Ok(()),
             None => {
                 self.heard = Instant::now();
-                Stream::connect(self.server)?
+                Stream::connect(&self.server)?
             }
         };
         let mut happened = Vec::new();
@@ -159,7 +160,8 @@ impl Monitor {
             (Some(trouble), _) => Some(trouble.to_string()),
             (None, None) if silent < SILENCE => Some(format!("waiting for the first tick of {}", self.server)),
             (None, None) => Some(format!(
-                "{} sent no tick in {:.0} s; it may have four readers, the most that a port takes",
+                "{} has taken the connection and sent no tick for {:.0} s: the server is stopped or hangs (see its terminal), or all places of the port \
+                 are taken (four readers; end one of them)",
                 self.server,
                 silent.as_secs_f64()
             )),

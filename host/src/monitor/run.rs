@@ -1,7 +1,6 @@
 //! The loop of `monitor`: read, show, wait.
 
 use std::io::{IsTerminal, Write};
-use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,6 +8,7 @@ use std::time::{Duration, Instant};
 use super::snapshot::NO_SERVER;
 use super::web::Web;
 use super::{Monitor, Tap, screen};
+use crate::dial::Addresses;
 use crate::record::Recorded;
 use crate::terminal::say;
 
@@ -24,8 +24,8 @@ const PRINTED: Duration = Duration::from_secs(1);
 /// Options of `monitor`.
 #[derive(Clone, Debug)]
 pub struct MonitorOptions {
-    /// Address of the server's LabComm port.
-    pub server: SocketAddr,
+    /// Addresses of the server's LabComm port.
+    pub server: Addresses,
     /// Form of what is shown.
     pub view: View,
     /// Time after which it ends by itself.
@@ -46,7 +46,7 @@ pub enum View {
 
 /// Shows a server until `quit`. Returns the exit code, with a screen 0, else that of the last line; and the recording of the tap.
 pub fn run(options: &MonitorOptions, tap: Option<Box<dyn Tap>>, quit: &AtomicBool) -> (ExitCode, Option<Recorded>) {
-    let mut monitor = Monitor::of(options.server).with_tap(tap);
+    let mut monitor = Monitor::of(options.server.clone()).with_tap(tap);
     let code = match options.view {
         View::Screen => {
             show_screen(&mut monitor, options.quit_after, quit);
@@ -78,7 +78,7 @@ fn each_visit(
 
 /// Serves the page until `quit`. Returns the recording of the tap.
 pub fn run_page(
-    server: SocketAddr,
+    server: Addresses,
     page: &mut Web,
     tap: Option<Box<dyn Tap>>,
     quit_after: Option<Duration>,

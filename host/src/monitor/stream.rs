@@ -11,6 +11,7 @@ use super::assembly::Assembly;
 use super::known::{Kind, Known};
 use super::recorded::Tap;
 use super::snapshot::Snapshot;
+use crate::dial::{self, Addresses, NEVER};
 use crate::labcomm::Incoming;
 use crate::server::event_log::EventKind;
 
@@ -112,9 +113,10 @@ impl Stream {
     ///
     /// # Errors
     /// [`StreamError::Unreachable`].
-    pub(super) fn connect(address: SocketAddr) -> Result<Self, StreamError> {
+    pub(super) fn connect(server: &Addresses) -> Result<Self, StreamError> {
+        let address = server.first();
         let unreachable = |error: std::io::Error| StreamError::Unreachable { address, kind: error.kind() };
-        let socket = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT).map_err(unreachable)?;
+        let socket = dial::connect(server, CONNECT_TIMEOUT, &NEVER).map_err(unreachable)?;
         socket.set_nonblocking(true).map_err(unreachable)?;
         Ok(Self {
             socket,

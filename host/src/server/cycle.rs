@@ -303,6 +303,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             self.connections.close(connection);
         }
         if let Some(black_boxes) = &mut self.black_boxes {
+            black_boxes.see(row.state.phase);
             if row.welcomed {
                 black_boxes.begin();
             } else {

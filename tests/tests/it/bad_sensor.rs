@@ -72,7 +72,7 @@ fn session(lie: Lie) -> (ClientError, bool) {
         Cycle::new(config, motors, liar, EpochRange::VOLATILE, StopLatch::volatile(), loopback).unwrap();
     let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
-        server: server.address,
+        server: server.address.into(),
         transport: Transport::Stream,
         sensor: sensor.into(),
         robot,

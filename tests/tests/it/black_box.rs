@@ -3,6 +3,7 @@
 use gantry_tau::black_box::HALF;
 use gantry_tau::black_box::Window;
 use gantry_tau::black_box::swap_channel::Receiver;
+use gantry_tau::black_box::writer::Writer;
 use gantry_tau::replay::Findings;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
 use gantry_tau_core::control::session::LastWrite;
@@ -166,15 +167,80 @@ fn what_finds_no_room_waits_until_it_must_go() {
     assert_nothing(&mut windows);
 }
 
+/// A client says Hello and is gone: the server as it listens again, and the epoch.
+fn passed_by(server: ServerFixture<3>) -> (ServerFixture<3>, u64) {
+    let SessionFixture { mut server, client } = SessionFixture::greeted(server);
+    let epoch = client.epoch.0;
+    drop(client);
+    server.step_until("Listening", |row| row.state.phase == Phase::Listening);
+    (server, epoch)
+}
+
+/// Found by attack: after 1 000 black boxes a run wrote no more, and 1 005 times Hello and close take seconds.
+#[test]
+fn passers_by_do_not_cost_the_evidence_of_a_session_that_obtained() {
+    let folder = std::env::temp_dir().join(format!("gantry-tau-passers-by-{}", std::process::id()));
+    let (mut server, windows) = ServerFixture::default().handing_over();
+    let mut writer = Writer::open(&folder, windows).unwrap();
+    let mut last = 0;
+    for _ in 0..1_005 {
+        (server, last) = passed_by(server);
+        writer.write_waiting();
+    }
+    let mut session = SessionFixture::submitted_on(server).obtain([9_000; 3]);
+    // Back in Submit until the window has no tick of Obtain: it counts all the same.
+    for _ in 0..3 * HALF {
+        session.answer(Mode::Submit, [0; 3]);
+    }
+    let real = session.client.epoch.0;
+    assert_eq!(real, last + 1);
+    drop(session.client);
+    let mut server = session.server;
+    server.step_until("Listening", |row| row.state.phase == Phase::Listening);
+    for _ in 0..40 {
+        (server, last) = passed_by(server);
+        writer.write_waiting();
+    }
+    drop(server);
+    writer.finish().unwrap();
+    let mut epochs: Vec<u64> = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|file| file.unwrap().file_name().into_string().unwrap())
+        .map(|name| name.split('-').nth(1).unwrap().parse().unwrap())
+        .collect();
+    epochs.sort_unstable();
+    // That of the last passer-by would follow with the next session.
+    let newest: Vec<u64> = std::iter::once(real).chain(last - 16..last).collect();
+    assert_eq!(epochs, newest);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Passers-by that come faster than black boxes are written leave room for a session that obtained, and are not called a loss.
+#[test]
+fn passers_by_do_not_use_up_the_boxes_of_the_cycle() {
+    let (mut server, mut windows) = ServerFixture::default().handing_over();
+    for _ in 0..20 {
+        server = passed_by(server).0;
+    }
+    let mut session = SessionFixture::submitted_on(server).obtain([300; 3]);
+    let epoch = session.client.epoch;
+    session.say(&ClientMessage::Goodbye(epoch));
+    let mut server = session.assert_disconnect([300; 3], Cause::Goodbye);
+    for _ in 0..20 {
+        server = passed_by(server).0;
+    }
+    let received: Vec<_> = std::iter::from_fn(|| windows.receive()).map(|window| window.end().epoch).collect();
+    assert!(received.contains(&epoch), "{epoch:?} is not in {received:?}");
+    assert_eq!(windows.take_lost(), 0);
+}
+
 #[test]
 fn what_must_go_and_finds_no_room_is_counted() {
     let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
     for _ in 0..6 {
-        let mut session = SessionFixture::greeted(server);
+        let mut session = SessionFixture::submitted_on(server).obtain([100; 3]);
         session.say(&ClientMessage::Goodbye(session.client.epoch));
-        assert_eq!(session.tick().ended, Some(Cause::Goodbye));
-        server = session.server;
-        assert_eq!(server.step().state.phase, Phase::Listening);
+        server = session.assert_disconnect([100; 3], Cause::Goodbye);
     }
     // Five ended before a newcomer was let in, and there are four boxes.
     assert_eq!(windows.take_lost(), 1);

@@ -43,11 +43,14 @@ impl Server {
         decode_client(&Frame::parse(&buffer[..count]).unwrap()).unwrap()
     }
 
-    /// Waits for a Command.
+    /// Waits for a Command. A Hello before it is that of a client that has waited long in the handshake: this machine is busy.
     fn receive_command(&mut self) -> Command<3> {
-        match self.receive() {
-            ClientMessage::Command(command) => command,
-            other => panic!("not a Command: {other:?}"),
+        loop {
+            match self.receive() {
+                ClientMessage::Command(command) => return command,
+                ClientMessage::Hello(_) if self.phase() == Phase::Handshake => {}
+                other => panic!("not a Command: {other:?}"),
+            }
         }
     }
 
@@ -77,7 +80,7 @@ fn every_state_is_answered_once() {
     let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
     let mut server = Server::of(&robot);
     let options = ClientOptions {
-        server: server.socket.local_addr().unwrap(),
+        server: server.socket.local_addr().unwrap().into(),
         transport: Transport::Datagram,
         sensor: sensor.address().unwrap().into(),
         robot,

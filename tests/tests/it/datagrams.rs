@@ -6,7 +6,7 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal, ServerMessage, State};
 use gantry_tau_core::control::wire::{MAX_FRAME, encode_client};
 use gantry_tau_core::units::{EpochRange, OffsetNm};
-use gantry_tau_tests::client::Client;
+use gantry_tau_tests::client::{Client, hello};
 use gantry_tau_tests::fake_plant::Bus;
 use gantry_tau_tests::server_fixture::{LOOPBACK, ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::SessionFixture;
@@ -130,6 +130,69 @@ fn a_goodbye_said_twice_is_one_end() {
     let next = other(&session);
     let next = SessionFixture::greeted_by(next, session.server);
     assert!(next.client.epoch > epoch);
+}
+
+/// Bytes that one Hello brings to its address, if nothing else is ever sent from there; and the longest Welcome and State.
+fn bytes_for_one_hello<const N: usize>() -> (usize, usize) {
+    let mut server = ServerFixture::<N>::over_datagrams();
+    let victim = std::net::UdpSocket::bind(LOOPBACK).unwrap();
+    victim.set_nonblocking(true).unwrap();
+    victim.connect(server.address()).unwrap();
+    let hello = hello::<N>();
+    victim.send(&encode_client(&hello)).unwrap();
+    let mut bytes = 0;
+    let mut drain = || {
+        let mut datagram = [0; MAX_FRAME];
+        while let Ok(count) = victim.recv(&mut datagram) {
+            bytes += count;
+        }
+    };
+    let row = server.step_until("the Welcome", |row| row.welcomed);
+    assert_eq!(row.state.phase, Phase::Handshake);
+    drain();
+    let mut cause = Cause::None;
+    for _ in 0..1_200 {
+        let row = server.step();
+        cause = row.ended.unwrap_or(cause);
+        drain();
+    }
+    assert_eq!(cause, Cause::HandshakeTimeout, "the handshake is over nevertheless");
+    (bytes, 10 + 28 + 48 * N + 10 + 76 + 44 * N)
+}
+
+/// Found by attack: a Hello of 14 bytes from a forged address brought 215 784 and 349 276 bytes to it.
+#[test]
+fn a_forged_hello_brings_one_welcome_and_one_state_to_its_address() {
+    let (bytes, most) = bytes_for_one_hello::<3>();
+    assert!(bytes > 0 && bytes <= most, "{bytes} of at most {most}");
+    let (bytes, most) = bytes_for_one_hello::<6>();
+    assert!(bytes > 0 && bytes <= most, "{bytes} of at most {most}");
+}
+
+/// The State that a client has to answer may be lost: each further datagram of the client brings the latest one.
+#[test]
+fn in_the_handshake_a_state_follows_each_frame_that_is_heard() {
+    let server = ServerFixture::over_datagrams();
+    let client = Client::over_datagrams(server.address());
+    let mut session = SessionFixture::<3>::greeted_by(client, server);
+    for _ in 0..5 {
+        session.server.step();
+        assert!(session.client.is_quiet());
+        // Over loopback a datagram has arrived when it is sent.
+        session.client.send_bytes(b"not a frame");
+        session.server.receive();
+        session.server.step();
+        assert!(session.client.is_quiet(), "what is no frame brings nothing");
+        session.client.say_hello();
+        session.server.receive();
+        let row = session.server.step();
+        assert_eq!(session.client.state(), row.state);
+    }
+    // The answer to it ends the handshake, and from then on there is a State per tick.
+    let submit = answer(&mut session, Mode::Submit, AT);
+    assert_eq!(tick(&mut session, &[submit]).phase, Phase::Submit);
+    session.server.receive();
+    assert_eq!(session.tick().state.phase, Phase::Submit, "one miss");
 }
 
 #[test]

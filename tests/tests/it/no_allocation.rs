@@ -4,6 +4,7 @@
 
 use std::io::Write;
 use std::net::{SocketAddr, TcpStream};
+use std::sync::atomic::AtomicBool;
 
 use allocation_counter::measure;
 use gantry_tau::black_box::swap_channel::{self, Receiver};
@@ -44,7 +45,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let motors = robot.motor_map().unwrap();
         let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
-        let sensor = SensorReader::connect(publisher.address().unwrap()).unwrap();
+        let sensor = SensorReader::connect(publisher.address().unwrap(), &AtomicBool::new(false)).unwrap();
         let port =
             Publication::bind::<N>(LOOPBACK, Version::V2006, &[SampleName::Data, SampleName::ForceSensor], 0.5e-6);
         let port = port.unwrap();

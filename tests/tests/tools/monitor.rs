@@ -65,7 +65,7 @@ fn with_page(look: impl FnOnce(SocketAddr)) {
     let address = page.address().unwrap();
     let quit = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        scope.spawn(|| run_page(double.address, &mut page, None, None, &quit));
+        scope.spawn(|| run_page(double.address.into(), &mut page, None, None, &quit));
         let looked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| look(address)));
         quit.store(true, Ordering::Relaxed);
         looked.unwrap_or_else(|panic| std::panic::resume_unwind(panic));

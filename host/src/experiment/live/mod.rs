@@ -5,7 +5,6 @@
 mod campaign;
 mod probe;
 
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
@@ -18,6 +17,7 @@ use super::ExperimentError;
 use super::prediction::Prediction;
 use super::table::Table;
 use crate::client::{ClientControls, ClientError, ClientOptions, run_observed};
+use crate::dial::Addresses;
 use crate::force_sensor::SensorSource;
 use crate::gauge_link::GaugeReader;
 use crate::measurements::plan::Plan;
@@ -40,14 +40,14 @@ pub struct LiveOptions<K, const N: usize> {
     pub robot: RobotFile<K, N>,
     /// Plan to measure.
     pub plan: Plan<N>,
-    /// Address of the server.
-    pub server: SocketAddr,
+    /// Addresses of the server.
+    pub server: Addresses,
     /// TCP or UDP.
     pub transport: Transport,
     /// The force sensor.
     pub sensor: SensorSource,
-    /// Address of the gauges; `None`: they are typed in.
-    pub gauges: Option<SocketAddr>,
+    /// Addresses of the gauges; `None`: they are typed in.
+    pub gauges: Option<Addresses>,
     /// Ask for Obtain in all series, not only in those with compensation.
     pub obtain: bool,
     /// A series begins once the gauges have been away, and nobody is asked.
@@ -107,9 +107,10 @@ pub fn run<K: MachineKind<N>, const N: usize>(
     }
     let prediction = Prediction::new(&robot).map_err(ExperimentError::from)?;
     let table = Table::open(&output, &plan, true)?;
-    let link = Link { gauges, count: gauges.map_or(0, |_| plan.gauges.len()), metres_per_q: robot.metres_per_q };
+    let count = if gauges.is_some() { plan.gauges.len() } else { 0 };
+    let link = Link { gauges, count, metres_per_q: robot.metres_per_q };
     let mut campaign = Campaign::new(&robot, plan, table, prediction, raw.as_deref())?;
-    campaign.set_instruments(gauges.is_some(), is_unattended);
+    campaign.set_instruments(link.gauges.is_some(), is_unattended);
     let mut client = ClientOptions { server, transport, sensor, robot, record: None, obtain };
     let mut was_granted = false;
     while !campaign.is_done() && !quit.load(Ordering::Relaxed) {
@@ -145,7 +146,7 @@ const fn is_passing(error: &ClientError) -> bool {
 
 /// Gauges beside the server.
 struct Link<const N: usize> {
-    gauges: Option<SocketAddr>,
+    gauges: Option<Addresses>,
     /// Number of gauges of the plan that are read over the link.
     count: usize,
     metres_per_q: [f64; N],
@@ -160,8 +161,9 @@ impl<const N: usize> Link<N> {
         quit: &AtomicBool,
         keys: &Receiver<String>,
     ) -> (bool, Result<(), LiveError>) {
-        let connected = self.gauges.map(|address| {
-            GaugeReader::connect(address).map_err(|error| ClientError::Unreachable { what: "gauges", address, error })
+        let connected = self.gauges.as_ref().map(|address| {
+            GaugeReader::connect(address.clone(), quit)
+                .map_err(|error| ClientError::unreachable("gauges", address, error))
         });
         let gauges = match connected.transpose() {
             Ok(gauges) => gauges,

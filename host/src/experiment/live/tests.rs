@@ -3,6 +3,7 @@
 mod gauges;
 mod recorded;
 
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -82,10 +83,10 @@ impl Bench {
         LiveOptions {
             robot: robot.clone(),
             plan: plan.clone(),
-            server: self.server.address,
+            server: self.server.address.into(),
             transport: Transport::Stream,
             sensor: self.sensor.into(),
-            gauges: Some(self.gauges),
+            gauges: Some(self.gauges.into()),
             obtain: false,
             is_unattended: true,
             raw: None,

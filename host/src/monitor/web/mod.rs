@@ -11,20 +11,23 @@ mod page;
 mod request;
 
 use std::io;
-use std::net::{SocketAddr, TcpListener};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::Monitor;
 use crate::model::MachineKind;
+use crate::places::{Holder, gives_way, gives_way_at_home};
 use crate::robot_file::{RobotFile, RobotFileError};
 use crate::server::connections::Allowed;
 pub use figure::Figures;
 use hub::Hub;
 
-/// Connections at once; further ones are closed.
+/// Connections at once. When all are taken, the youngest of the address that has the most gives way: that of another address, or of the
+/// newcomer's own if none has more. A browser that has lost its connection comes back by itself.
 const CONNECTIONS: usize = 32;
+/// Threads at once: those of connections that gave way end within a second.
+const THREADS: usize = 2 * CONNECTIONS;
 /// New connections per visit.
 const ACCEPTS: usize = 4;
 /// Pause between two pictures without a server.
@@ -44,7 +47,10 @@ pub struct Web {
     allowed: Allowed,
     figures: Box<dyn Figures>,
     hub: Arc<Hub>,
-    connections: Arc<AtomicUsize>,
+    places: Arc<Mutex<Vec<Place>>>,
+    threads: Arc<()>,
+    /// Number of the next connection.
+    next: u64,
     /// Time of the last picture.
     published: Instant,
     /// Tick of the last picture.
@@ -60,8 +66,8 @@ impl Web {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         let hub = Arc::new(Hub::new(figures.machine()));
-        let connections = Arc::default();
-        Ok(Self { listener, allowed, figures, hub, connections, published: Instant::now(), shown: None })
+        let (places, threads) = (Arc::default(), Arc::new(()));
+        Ok(Self { listener, allowed, figures, hub, places, threads, next: 0, published: Instant::now(), shown: None })
     }
 
     /// Returns the address on which it listens.
@@ -84,22 +90,38 @@ impl Web {
         }
     }
 
-    fn accept(&self) {
+    fn accept(&mut self) {
         for _ in 0..ACCEPTS {
             let Ok((stream, peer)) = self.listener.accept() else { return };
-            if !self.allowed.admits(peer.ip()) || self.connections.load(Ordering::Relaxed) >= CONNECTIONS {
+            if !self.allowed.admits(peer.ip()) || Arc::strong_count(&self.threads) > THREADS {
                 continue;
             }
-            let place = Place::take(&self.connections);
-            let hub = Arc::clone(&self.hub);
+            let holder = Holder { peer: peer.ip().to_canonical(), number: self.next };
+            self.next += 1;
+            let Some(ticket) = self.take_place(&stream, holder) else { continue };
+            let (hub, thread) = (Arc::clone(&self.hub), Arc::clone(&self.threads));
             let serve = move || {
-                let _place = place;
+                let _both = (ticket, thread);
                 connection::serve(stream, &hub);
             };
             if let Err(error) = std::thread::Builder::new().name("page".to_owned()).spawn(serve) {
                 tracing::warn!("a reader of the page was not served: {error}");
             }
         }
+    }
+
+    /// Takes a place, which another connection may have to give. `None` if there is none.
+    fn take_place(&self, stream: &TcpStream, holder: Holder) -> Option<Ticket> {
+        let mut places = lock(&self.places);
+        if places.len() >= CONNECTIONS {
+            let holders = || places.iter().map(|place| place.holder);
+            let given = gives_way(holders(), holder.peer).or_else(|| gives_way_at_home(holders(), holder.peer))?;
+            let index = places.iter().position(|place| place.holder == given)?;
+            // Its thread finds the connection closed.
+            let _ = places.swap_remove(index).stream.shutdown(Shutdown::Both);
+        }
+        places.push(Place { holder, stream: stream.try_clone().ok()? });
+        Some(Ticket { places: Arc::clone(&self.places), holder })
     }
 }
 
@@ -109,18 +131,25 @@ impl Drop for Web {
     }
 }
 
-/// One of the connections, until it is dropped.
-struct Place(Arc<AtomicUsize>);
+/// Place of a connection.
+struct Place {
+    holder: Holder,
+    stream: TcpStream,
+}
 
-impl Place {
-    fn take(places: &Arc<AtomicUsize>) -> Self {
-        places.fetch_add(1, Ordering::Relaxed);
-        Self(Arc::clone(places))
+/// Gives a place back when it is dropped.
+struct Ticket {
+    places: Arc<Mutex<Vec<Place>>>,
+    holder: Holder,
+}
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        lock(&self.places).retain(|place| place.holder != self.holder);
     }
 }
 
-impl Drop for Place {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::Relaxed);
-    }
+/// The places; whoever panicked with them in hand has not left them half written.
+fn lock(places: &Mutex<Vec<Place>>) -> MutexGuard<'_, Vec<Place>> {
+    places.lock().unwrap_or_else(PoisonError::into_inner)
 }

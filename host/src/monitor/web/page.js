@@ -7,6 +7,7 @@ const fixed = (value, digits) => (value === null ? "–" : value.toFixed(digits)
 const show = (id, text) => { const place = element(id); if (place.textContent !== text) place.textContent = text; };
 
 const HINT = "drag: turn · wheel: zoom · double click: reset";
+const AGAIN_MS = 2000;
 let machine = null, picture = null, points = [], pending = false;
 
 function redraw() {
@@ -109,7 +110,12 @@ function listen() {
     }));
   });
   source.onmessage = (event) => take(JSON.parse(event.data));
-  source.onerror = () => showLink(false, "the monitor does not answer; trying again");
+  source.onerror = () => {
+    const isOver = source.readyState === EventSource.CLOSED;
+    // A browser tries again after a lost connection, not after an answer that is no stream of events: a proxy's, of a monitor that is down.
+    if (isOver) setTimeout(listen, AGAIN_MS);
+    showLink(false, isOver ? "what answers is not the monitor (a proxy?); trying again" : "the monitor does not answer; trying again");
+  };
 }
 
 Object.entries(PHASES).forEach(([phase, colour]) => {

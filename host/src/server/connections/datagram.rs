@@ -4,9 +4,9 @@ use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Full, Transport};
-use gantry_tau_core::control::message::ClientMessage;
+use gantry_tau_core::control::message::{ClientMessage, Phase};
 use gantry_tau_core::control::session::Connection;
-use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
+use gantry_tau_core::control::wire::{Frame, Kind, MAX_FRAME, decode_client};
 
 use super::Allowed;
 
@@ -17,6 +17,24 @@ const READS: usize = 64;
 struct Peer {
     connection: Connection,
     address: SocketAddr,
+    /// One of its Commands was accepted, which repeats numbers of a Welcome and a State: it receives what is sent to its address.
+    has_answered: bool,
+    /// A frame has come from it since the last State was sent to it.
+    was_heard: bool,
+}
+
+impl Peer {
+    /// Takes note of a datagram from its address.
+    fn hear(&mut self, bytes: &[u8]) {
+        self.was_heard |= Frame::parse(bytes).is_ok();
+    }
+
+    /// True if a frame may be sent to it. A sender with a forged address must not turn its Hello into a stream of States to that address:
+    /// one that has not answered gets at most one State for each frame that is heard from it.
+    fn may_be_sent(&mut self, bytes: &[u8]) -> bool {
+        let is_state = || Frame::parse(bytes).is_ok_and(|frame| frame.kind_code() == Kind::State.code());
+        self.has_answered || !is_state() || std::mem::take(&mut self.was_heard)
+    }
 }
 
 /// Socket and peers.
@@ -51,6 +69,7 @@ impl Datagrams {
                 endpoint.feed(connection, bytes);
             }
         }
+        self.note_answered(endpoint);
         let owner = endpoint.session().owner();
         owner.map_or(0, |owner| endpoint.frames_of(owner))
     }
@@ -62,7 +81,8 @@ impl Datagrams {
         from: SocketAddr,
         bytes: &[u8],
     ) -> Option<Connection> {
-        if let Some(peer) = self.peers.iter().find(|peer| peer.address == from) {
+        if let Some(peer) = self.peers.iter_mut().find(|peer| peer.address == from) {
+            peer.hear(bytes);
             return Some(peer.connection);
         }
         if !self.allowed.admits(from.ip()) || !is_hello::<N>(bytes) {
@@ -70,7 +90,7 @@ impl Datagrams {
         }
         match endpoint.open(Transport::Datagram) {
             Ok(connection) => {
-                self.peers.push(Peer { connection, address: from });
+                self.peers.push(Peer { connection, address: from, has_answered: false, was_heard: true });
                 Some(connection)
             }
             Err(Full) => {
@@ -82,9 +102,22 @@ impl Datagrams {
         }
     }
 
-    /// Sends a datagram. One that the system does not take is lost, like any other on its way.
+    /// Takes note of the owner's first accepted Command, which ends the handshake.
+    fn note_answered<const N: usize, const M: usize>(&mut self, endpoint: &Endpoint<N, M>) {
+        let session = endpoint.session();
+        if !matches!(session.phase(), Phase::Submit | Phase::Obtain) {
+            return;
+        }
+        let owner = self.peers.iter_mut().find(|peer| Some(peer.connection) == session.owner());
+        if let Some(owner) = owner {
+            owner.has_answered = true;
+        }
+    }
+
+    /// Sends a datagram, unless it is a State for a peer that has not answered the last one. One that the system does not take is lost, like any other on its way.
     pub(super) fn send(&mut self, connection: Connection, bytes: &[u8]) {
-        if let Some(peer) = self.peers.iter().find(|peer| peer.connection == connection) {
+        let Some(peer) = self.peers.iter_mut().find(|peer| peer.connection == connection) else { return };
+        if peer.may_be_sent(bytes) {
             let _ = self.socket.send_to(bytes, peer.address);
         }
     }

@@ -39,7 +39,8 @@ impl Streams {
         Ok(Self { listener, allowed, peers: Vec::with_capacity(CONNECTIONS) })
     }
 
-    /// Accepts new peers; refuses those without room.
+    /// Accepts new peers. When all places are taken, the connection that has been open longest without the session makes room: a client says
+    /// Hello at once, and one that is refused is closed, so that those that stay are idle.
     pub(super) fn accept<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) {
         for _ in 0..ACCEPTS {
             let Ok((mut stream, peer)) = self.listener.accept() else {
@@ -52,12 +53,27 @@ impl Streams {
             {
                 continue;
             }
-            match endpoint.open(Transport::Stream) {
+            let opened = endpoint.open(Transport::Stream).or_else(|full| {
+                self.close_longest_idle(endpoint).ok_or(full)?;
+                endpoint.open(Transport::Stream)
+            });
+            match opened {
                 Ok(connection) => self.peers.push(Peer { connection, stream, gone: false }),
                 // Best effort: the peer is about to be closed anyway.
                 Err(Full) => drop(stream.write(&Endpoint::<N, M>::full_refusal())),
             }
         }
+    }
+
+    /// Refuses and closes the first connection that is not the owner's; `None` without one.
+    fn close_longest_idle<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> Option<()> {
+        let owner = endpoint.session().owner();
+        let index = self.peers.iter().position(|peer| Some(peer.connection) != owner)?;
+        let mut idle = self.peers.remove(index);
+        endpoint.close(idle.connection);
+        // Best effort, as for a peer without room.
+        let _ = idle.stream.write(&Endpoint::<N, M>::full_refusal());
+        Some(())
     }
 
     /// Reads from all peers, or from `only`. Returns the number of frames of the owner in the coming tick.

@@ -43,7 +43,7 @@ struct Owner {
 
 impl Owner {
     fn of(server: &str) -> Self {
-        let server = server.parse().unwrap();
+        let server: SocketAddr = server.parse().unwrap();
         let requirements = Requirements { capabilities: Capabilities::LOCKSTEP, ..Requirements::default() };
         let mut link = Connection::<3>::open(Transport::Stream, server, PATIENCE, requirements).unwrap();
         let will = Arc::new(Mutex::new(Will::Nothing));

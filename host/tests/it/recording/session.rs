@@ -42,7 +42,7 @@ pub(crate) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     let (server, mut queue) = Server::spawn(cycle.with_sensor(sensor), TickSource::Lockstep).unwrap();
     let controls = Arc::new(ClientControls::default());
     let options = ClientOptions {
-        server: server.address,
+        server: server.address.into(),
         transport: Transport::Stream,
         sensor: sensor_address.into(),
         robot: robot.clone(),

@@ -126,7 +126,7 @@ impl Lockstep {
         ticks: usize,
         mut beside: impl FnMut(usize, &Row<ARMS>),
     ) -> Session {
-        let server = self.cycle.address().unwrap();
+        let server = self.cycle.address().unwrap().into();
         let transport = Transport::Stream;
         let options = ClientOptions { server, transport, sensor, robot: robot(), record: None, obtain: true };
         let controls = Arc::new(ClientControls::default());
@@ -201,5 +201,5 @@ pub(super) fn displacement_m(row: &Row<ARMS>) -> f64 {
 
 /// The sample `forcesensor` of a stream.
 pub(super) fn stream(address: SocketAddr) -> SensorSource {
-    SensorSource::Labcomm { address, name: DEFAULT_NAME.to_owned() }
+    SensorSource::Labcomm { address: address.into(), name: DEFAULT_NAME.to_owned() }
 }

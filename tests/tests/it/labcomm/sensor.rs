@@ -16,7 +16,7 @@ const VERSIONS: [Version; 3] = [Version::V2006, Version::V2014, Version::V2014_0
 /// Ticks of a session.
 const TICKS: usize = PULLED + SETTLED;
 /// States that a client answers without its first sample.
-const FIRST_SAMPLE_STATES: usize = 1_000;
+const FIRST_SAMPLE_STATES: usize = 3_000;
 /// Tick in which the stream of a session goes wrong: the offsets have not settled, so that every change of the force would show.
 const WRONG: usize = PULLED + 20;
 /// States that the last sample serves, as the client's documentation says.

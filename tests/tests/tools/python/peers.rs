@@ -9,6 +9,7 @@ use gantry_tau_core::control::message::{
 };
 use gantry_tau_core::control::wire::encode_server;
 use gantry_tau_core::units::{Epoch, Sequence, Tick};
+use gantry_tau_tests::client_cases::Cases;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::failures;
@@ -24,6 +25,7 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("an_end_by_the_server_is_told_beside_the_own_goodbye", ended_beside_goodbye),
     ("servers_that_are_gone_or_talk_nonsense_are_told", strange_servers),
     ("sensors_that_are_gone_or_silent_are_told", strange_sensors),
+    ("every_case_of_the_shared_list_ends_as_it_says", shared_cases),
 ];
 
 /// Lengths of frames of a client with three axes, bytes.
@@ -180,6 +182,23 @@ fn strange_servers() {
         assert_eq!(code, Some(3), "{said}");
         assert!(said.contains(&format!("the server at {address} cannot be reached: ")), "{said}");
         assert_eq!(said.lines().count(), 1, "{said}");
+    }
+}
+
+/// The list that the client in Rust is run against, too.
+fn shared_cases() {
+    let cases = Cases::read();
+    let program = format!(
+        "import sys; sys.path.insert(0, sys.argv.pop(1)); import gantry_tau\n\
+         gantry_tau.main(lambda state, wrench: [0, 0, 0], checksum={})",
+        cases.checksum
+    );
+    for case in &cases.cases {
+        let (address, serving) = cases.serve(case);
+        let client = python().args(["-c", &program]).arg(folder()).arg(address.to_string()).output().unwrap();
+        let sent = serving.join().unwrap();
+        let said = String::from_utf8(client.stderr).unwrap();
+        Cases::check(case, u8::try_from(client.status.code().unwrap()).unwrap(), &said, &sent);
     }
 }
 

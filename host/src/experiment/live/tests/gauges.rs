@@ -17,7 +17,7 @@ fn with_gauges(
     let bench = Bench::start(&robot, &plan);
     let listener = TcpListener::bind(loopback()).unwrap();
     let mut options = bench.options(&robot, &plan, &folder.path("springs.csv"));
-    options.gauges = Some(listener.local_addr().unwrap());
+    options.gauges = Some(listener.local_addr().unwrap().into());
     let rows_of = |path: &Path| std::fs::read_to_string(path).unwrap_or_default().lines().count().saturating_sub(1);
     let quit = Arc::new(AtomicBool::new(false));
     let (stop, ticks, output) = (Arc::clone(&quit), Arc::clone(&bench.ticks), options.output.clone());
@@ -43,7 +43,7 @@ fn with_gauges(
     let ended = run(options.clone(), &quit, &keys);
     quit.store(true, Ordering::Relaxed);
     // A last call, so that the liar sees the end.
-    drop(GaugeReader::connect(options.gauges.unwrap()));
+    drop(GaugeReader::connect(options.gauges.clone().unwrap(), &crate::dial::NEVER));
     liar.join().unwrap();
     bench.server.quit().unwrap();
     (ended.map_err(|error| error.to_string()), rows_of(&options.output))
