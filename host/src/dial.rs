@@ -133,13 +133,21 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::ConnectionRefused);
     }
 
-    /// An address that is never answered (192.0.2.0/24 is for documentation), or cannot be reached at all.
+    /// A full queue of connections answers no further one (on Linux; elsewhere it may refuse).
+    #[cfg(target_os = "linux")]
     #[test]
     fn a_wait_for_an_address_ends_with_the_switch() {
+        let server = socket2::Socket::new(socket2::Domain::IPV4, socket2::Type::STREAM, None).unwrap();
+        server.bind(&SocketAddr::from(([127, 0, 0, 1], 0)).into()).unwrap();
+        server.listen(0).unwrap();
+        let full = server.local_addr().unwrap().as_socket().unwrap();
+        let mut queued = Vec::new();
+        while let Ok(stream) = TcpStream::connect_timeout(&full, Duration::from_millis(200)) {
+            queued.push(stream);
+        }
         let quit = AtomicBool::new(true);
-        let to = addresses("192.0.2.1:7000".parse().unwrap(), &[]);
-        let error = connect(&to, Duration::from_secs(3_600), &quit).unwrap_err();
-        assert!(matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::NetworkUnreachable), "{error}");
+        let error = connect(&addresses(full, &[]), Duration::from_secs(3_600), &quit).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Interrupted, "{error}");
     }
 
     #[test]

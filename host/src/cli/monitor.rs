@@ -22,7 +22,7 @@ use super::{MachineCommand, Outcome, address, peer, run_on};
 
 /// Watch a server: phase, counters, axes, force and events, on the terminal, as JSON or as a page that draws the machine
 ///
-/// Reads a LabComm port of the server, opened by `serve --labcomm HOST:PORT=state,axes,tool,session_event,drives`. It sends nothing and owns
+/// Reads a LabComm port of the server, opened by `serve --labcomm HOST:PORT=state,axes,tool,session_event,drives,machine`. It sends nothing and owns
 /// nothing. A lost server is told and tried again until Ctrl-C.
 ///
 /// Exit codes: 0 ended. With --status, of the last line: 0 listening, handshake, submit or obtain; 3 offsets ramp to zero; 4 fault; 5 the
@@ -101,7 +101,8 @@ impl MachineCommand for Monitor {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let to = self.record.clone().map(|to| to.with_version(self.labcomm_version.into()));
         let recording = to.map(|to| Recording::create::<Row<N>, K>(&to, &robot)).transpose()?;
-        let tap = recording.map(tap);
+        let kinematics = robot.checksum();
+        let tap = recording.map(|recording| tap(recording, kinematics));
         match self.web {
             Some(address) => self.serve(address, robot, tap),
             None => self.show(tap),

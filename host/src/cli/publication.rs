@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use clap::Args;
-use gantry_tau::publication::{Publication, SampleName};
+use gantry_tau::publication::{Machine, Publication, SampleName};
 use gantry_tau::record::RecordTo;
 use gantry_tau::server::ServerError;
 use gantry_tau::server::connections::Allowed;
@@ -15,8 +15,8 @@ use super::labcomm::LabcommVersion;
 /// Ports, and what they speak.
 #[derive(Debug, Args)]
 pub(crate) struct PublicationOptions {
-    /// Publish samples over LabComm, one of each per tick: any of data, forcesensor, state, axes, tool, session_event, drives
-    /// (repeatable) [default names: data,forcesensor]
+    /// Publish samples over LabComm, one of each per tick: any of data, forcesensor, state, axes, tool, session_event, drives,
+    /// machine (repeatable) [default names: data,forcesensor]
     ///
     /// A reader gets the definitions, then the samples; at most four readers at a time, and one that does not keep up is dropped.
     /// A port with data and forcesensor alone is written in the cycle, before the State of the tick; any other some
@@ -46,12 +46,13 @@ impl PublicationOptions {
     pub(super) fn bind<const N: usize>(
         &self,
         allowed: &Allowed,
+        machine: &Machine,
         gauge_resolution_m: f64,
     ) -> Result<Vec<Publication>, ServerError> {
         let version = self.labcomm_version.map_or(Version::V2006, Version::from);
         let bind = |port: &Port| {
             Publication::bind::<N>(port.address, version, &port.names, gauge_resolution_m)
-                .map(|publication| publication.for_peers(allowed.clone()))
+                .map(|publication| publication.for_peers(allowed.clone()).of_machine(machine))
                 .map_err(|error| ServerError::listen(port.address, &error))
         };
         self.labcomm.iter().map(bind).collect()

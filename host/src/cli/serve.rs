@@ -15,7 +15,7 @@ use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
 use gantry_tau::plant::Plant;
 use gantry_tau::privileges;
-use gantry_tau::publication::Publication;
+use gantry_tau::publication::{Machine, Publication};
 use gantry_tau::record::{RecordTo, Recording, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
@@ -311,7 +311,7 @@ impl Serve {
     }
 
     /// Owns the addresses for clients, sensor and LabComm, in this order.
-    pub(super) fn own_ports<K, const N: usize>(
+    pub(super) fn own_ports<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
         allowed: &Allowed,
@@ -321,7 +321,8 @@ impl Serve {
         let sensor = SensorPublisher::bind(self.sensor)
             .map(|sensor| sensor.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
-        let publications = self.publications.bind::<N>(allowed, robot.simulation.gauge_resolution_m)?;
+        let publications =
+            self.publications.bind::<N>(allowed, &Machine::of(robot), robot.simulation.gauge_resolution_m)?;
         Ok(Ports { clients, sensor, publications })
     }
 

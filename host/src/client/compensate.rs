@@ -24,12 +24,16 @@ pub struct Compensation<const N: usize> {
 }
 
 impl<const N: usize> Compensation<N> {
-    /// Creates the compensation for the machine of a robot file, within the limits that the server announced.
+    /// Creates the compensation for the machine of a robot file, within its limits and those that the server announced.
     ///
     /// # Errors
     /// A sentence that names the parameter.
     pub fn new<K: MachineKind<N>>(robot: &RobotFile<K, N>, welcome: &Welcome<N>) -> Result<Self, String> {
-        let limits = welcome.limits.map(|axis| OffsetNm(axis.position.max()));
+        let mut limits = welcome.limits.map(|axis| OffsetNm(axis.position.max()));
+        // A ceiling of its own: what a server allows beyond the robot file is not asked for.
+        for (limit, own) in limits.iter_mut().zip(&robot.limits) {
+            limit.0 = limit.0.min(own.limits.position.max());
+        }
         let compensator = robot.compensator(limits).map_err(|error| error.to_string())?;
         let sensor = ForceSensor::new(SensorConfig {
             rotation: robot.sensor.rotation_matrix(),

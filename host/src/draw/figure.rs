@@ -100,6 +100,11 @@ impl<K: MachineKind<N>, const N: usize> Machine<K, N> {
         &self.robot.name
     }
 
+    /// Checksum of the kinematic parameters.
+    pub(crate) fn kinematics(&self) -> u32 {
+        self.robot.checksum()
+    }
+
     /// Positions of the axes as q-units; home without one.
     fn q(&self, positions: &[Position], nm: impl Fn(&Position) -> i64) -> [f64; N] {
         let mut q = self.home_q;

@@ -6,7 +6,7 @@ use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor, SessionEvent, State, 
 use gantry_tau_labcomm::{Kind, Sample, Type, Version};
 
 use super::from_json::Bytes;
-use crate::publication::Drives;
+use crate::publication::{Drives, Machine};
 
 /// Returns the samples of a machine of `N` axes, made from the types that are sent.
 #[must_use]
@@ -21,6 +21,7 @@ pub fn schema<const N: usize>() -> String {
         sample::<Drives<N>>(
             "state of the drives of every axis: 0 not ready, 1 ready, 2 operating, 3 quick stop, 4 fault",
         ),
+        sample::<Machine>("the machine, once: checksum of its kinematic parameters as in wire.md, and its name"),
     ]
     .concat()
 }

@@ -186,6 +186,7 @@ impl Assembly {
             gauges_m: tool.map(|tool| tool.gauges_m),
             displacement_m: tool.map(|tool| tool.displacement_m),
             turn_rad: tool.map(|tool| tool.turn_rad),
+            machine: None,
         }))
     }
 }

@@ -4,7 +4,7 @@ use gantry_tau_labcomm::samples::{Axes, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Definition, Sample};
 
 use super::stream::StreamError;
-use crate::publication::Drives;
+use crate::publication::{Drives, Machine};
 
 /// Sample type that a monitor reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,11 +16,20 @@ pub(super) enum Kind {
     SessionEvent,
     Drives3,
     Drives6,
+    Machine,
 }
 
 impl Kind {
-    const ALL: [Self; 7] =
-        [Self::State, Self::Axes3, Self::Axes6, Self::Tool, Self::SessionEvent, Self::Drives3, Self::Drives6];
+    const ALL: [Self; 8] = [
+        Self::State,
+        Self::Axes3,
+        Self::Axes6,
+        Self::Tool,
+        Self::SessionEvent,
+        Self::Drives3,
+        Self::Drives6,
+        Self::Machine,
+    ];
 
     /// Name of the sample.
     pub(super) const fn name(self) -> &'static str {
@@ -32,6 +41,7 @@ impl Kind {
             Self::SessionEvent => SessionEvent::NAME,
             Self::Drives3 => Drives::<3>::NAME,
             Self::Drives6 => Drives::<6>::NAME,
+            Self::Machine => Machine::NAME,
         }
     }
 
@@ -44,6 +54,7 @@ impl Kind {
             Self::SessionEvent => definition.is::<SessionEvent>(),
             Self::Drives3 => definition.is::<Drives<3>>(),
             Self::Drives6 => definition.is::<Drives<6>>(),
+            Self::Machine => definition.is::<Machine>(),
         }
     }
 }

@@ -22,7 +22,7 @@ use crate::record::Recorded;
 pub use assembly::Tick;
 pub use recorded::{Tap, tap};
 pub use run::{MonitorOptions, View, run, run_page};
-pub use snapshot::{Axis, Channels, Counters, NO_SERVER, Snapshot};
+pub use snapshot::{Axis, Channels, Counters, MachineName, NO_SERVER, Snapshot};
 use stream::Stream;
 pub use stream::{Happened, SAMPLES, StreamError};
 

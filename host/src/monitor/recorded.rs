@@ -6,6 +6,7 @@ use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, Torque
 use gantry_tau_labcomm::samples;
 
 use super::assembly::Tick as Received;
+use super::snapshot::MachineName;
 use super::stream::{Happened, StreamError};
 use crate::plant::{DriveState, ToolReading};
 use crate::record::{Recorded, Recording};
@@ -22,11 +23,11 @@ pub trait Tap {
     /// Takes an event. Those of a tick come before or after it.
     fn happened(&mut self, event: &Happened);
 
-    /// Takes a whole tick.
+    /// Takes a whole tick, of the machine that the server names.
     ///
     /// # Errors
     /// [`StreamError`]: the tick is of another machine, or of another version of the program.
-    fn tick(&mut self, tick: &Received) -> Result<(), StreamError>;
+    fn tick(&mut self, tick: &Received, machine: Option<&MachineName>) -> Result<(), StreamError>;
 
     /// Completes the file.
     fn finish(self: Box<Self>) -> Recorded;
@@ -35,6 +36,8 @@ pub trait Tap {
 /// A recording, and the tick that waits for its events.
 struct Recorder<const N: usize> {
     recording: Recording<N>,
+    /// Checksum of the machine's kinematic parameters.
+    kinematics: u32,
     waiting: Option<Row<N>>,
     /// Events that are not written, at most [`WAITING`].
     events: Vec<Event>,
@@ -44,13 +47,28 @@ struct Recorder<const N: usize> {
     other: Option<StreamError>,
 }
 
-/// Takes a recording of a machine of `N` axes.
+/// Takes a recording of a machine of `N` axes, whose kinematic parameters have this checksum.
 #[must_use]
-pub fn tap<const N: usize>(recording: Recording<N>) -> Box<dyn Tap> {
-    Box::new(Recorder { recording, waiting: None, events: Vec::new(), lost: 0, other: None })
+pub fn tap<const N: usize>(recording: Recording<N>, kinematics: u32) -> Box<dyn Tap> {
+    Box::new(Recorder { recording, kinematics, waiting: None, events: Vec::new(), lost: 0, other: None })
 }
 
 impl<const N: usize> Recorder<N> {
+    /// Returns the reason for which a tick is not of this recording's machine.
+    fn other_machine(&self, tick: &Received, machine: Option<&MachineName>) -> Option<StreamError> {
+        let (sent, expected) = (tick.axes.count, N);
+        if sent != expected {
+            return Some(StreamError::OtherMachine { sent, expected });
+        }
+        match machine {
+            Some(machine) if machine.kinematics != self.kinematics => {
+                Some(StreamError::OtherKinematics { sent: machine.kinematics, expected: self.kinematics })
+            }
+            None if self.recording.draws() => Some(StreamError::UnknownMachine),
+            _ => None,
+        }
+    }
+
     /// Writes the tick that waits, with the events up to it.
     fn write(&mut self) {
         let Some(row) = self.waiting.take() else { return };
@@ -80,9 +98,8 @@ impl<const N: usize> Tap for Recorder<N> {
         }));
     }
 
-    fn tick(&mut self, tick: &Received) -> Result<(), StreamError> {
-        if tick.axes.count != N {
-            let other = StreamError::OtherMachine { sent: tick.axes.count, expected: N };
+    fn tick(&mut self, tick: &Received, machine: Option<&MachineName>) -> Result<(), StreamError> {
+        if let Some(other) = self.other_machine(tick, machine) {
             self.other = Some(other);
             return Err(other);
         }

@@ -12,6 +12,9 @@ use crate::robot_file::CYCLE_US;
 /// Events that are shown.
 const EVENTS: usize = 10;
 
+/// Words for the machine of a server that does not name it.
+const UNKNOWN: &str = "unknown: the port does not publish the sample `machine`";
+
 /// Returns the screen.
 pub(super) fn screen(monitor: &Monitor) -> String {
     let mut text = String::new();
@@ -21,6 +24,8 @@ pub(super) fn screen(monitor: &Monitor) -> String {
     // Writing to a `String` does not fail.
     let _ = writeln!(text, "{server}");
     if let Some(snapshot) = monitor.last() {
+        let machine = snapshot.machine.as_ref().map_or_else(|| UNKNOWN.to_owned(), ToString::to_string);
+        let _ = writeln!(text, "machine {machine}");
         text.push_str(&tick(snapshot));
     }
     for entry in monitor.events().take(EVENTS) {

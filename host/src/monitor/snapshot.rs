@@ -1,5 +1,7 @@
 //! The machine after one tick, as `monitor --status` prints it: one JSON object with stable keys.
 
+use std::fmt;
+
 use gantry_tau_core::control::message::{AxisFlags, Cause, Phase};
 use gantry_tau_labcomm::samples;
 use serde::{Serialize, Serializer};
@@ -44,6 +46,24 @@ pub struct Snapshot {
     pub displacement_m: Option<[f64; 3]>,
     /// Turn of the platform from its nominal orientation, rotation vector, world axes, rad.
     pub turn_rad: Option<[f64; 3]>,
+    /// The machine; `None` of a server that does not say, as those of earlier versions.
+    pub machine: Option<MachineName>,
+}
+
+/// Machine of a server, as it says.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct MachineName {
+    /// Name of its robot file; bytes that are not UTF-8 are replaced, control characters removed.
+    pub name: String,
+    /// Checksum of its kinematic parameters, in JSON as eight hexadecimal digits.
+    #[serde(serialize_with = "hexadecimal")]
+    pub kinematics: u32,
+}
+
+impl fmt::Display for MachineName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} (kinematics {:08x})", self.name, self.kinematics)
+    }
 }
 
 /// Counts since the session was granted, as in `wire.md`; at most 2^31 - 1.
@@ -171,6 +191,10 @@ pub(super) fn key_of(name: &str) -> String {
         key.push(letter.to_ascii_lowercase());
     }
     key
+}
+
+fn hexadecimal<S: Serializer>(checksum: &u32, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{checksum:08x}"))
 }
 
 fn phase_key<S: Serializer>(phase: &Phase, serializer: S) -> Result<S::Ok, S::Error> {

@@ -10,9 +10,10 @@ use gantry_tau_labcomm::{Error, Event, Value};
 use super::assembly::Assembly;
 use super::known::{Kind, Known};
 use super::recorded::Tap;
-use super::snapshot::Snapshot;
+use super::snapshot::{MachineName, Snapshot};
 use crate::dial::{self, Addresses, NEVER};
 use crate::labcomm::Incoming;
+use crate::publication::Machine;
 use crate::server::event_log::EventKind;
 
 /// Longest wait for a server to take the connection.
@@ -25,7 +26,7 @@ const READS: usize = 64;
 const MOST: u32 = 65_536;
 
 /// Samples that a server must publish for a monitor, as `serve --labcomm` takes them.
-pub const SAMPLES: &str = "state,axes,tool,session_event,drives";
+pub const SAMPLES: &str = "state,axes,tool,session_event,drives,machine";
 
 /// Error of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -75,6 +76,21 @@ pub enum StreamError {
         /// Axes of the recording.
         expected: usize,
     },
+    /// A machine with other kinematic parameters is recorded.
+    #[error(
+        "the server's machine has kinematics {sent:08x}, and that of --robot has {expected:08x}; name its own with --robot"
+    )]
+    OtherKinematics {
+        /// Checksum of the server's machine.
+        sent: u32,
+        /// Checksum of the recording's.
+        expected: u32,
+    },
+    /// A recording draws the machine, and the server does not say which it is.
+    #[error(
+        "the server does not say which machine it has, so that it cannot be drawn; it needs `serve --labcomm HOST:PORT={SAMPLES}`"
+    )]
+    UnknownMachine,
     /// A code that this version does not know.
     #[error("the server sends {field} {code}, which is unknown; server and monitor must be of the same version")]
     UnknownCode {
@@ -106,6 +122,7 @@ pub(super) struct Stream {
     chunk: Vec<u8>,
     assembly: Assembly,
     known: Known,
+    machine: Option<MachineName>,
 }
 
 impl Stream {
@@ -124,6 +141,7 @@ impl Stream {
             chunk: vec![0; CHUNK],
             assembly: Assembly::default(),
             known: Known::default(),
+            machine: None,
         })
     }
 
@@ -145,11 +163,16 @@ impl Stream {
                     self.assembly.expect_tool(self.known.has(Kind::Tool));
                     let sends_drives = self.known.has(Kind::Drives3) || self.known.has(Kind::Drives6);
                     self.assembly.expect_drives(sends_drives);
+                    if kind == Some(Kind::Machine) {
+                        self.machine = Some(machine_name(&value)?);
+                        continue;
+                    }
                     let told = happened.len();
                     take(kind, &value, &mut self.assembly, happened)?;
                     if let Some(tap) = tap {
                         happened.iter().skip(told).for_each(|event| tap.happened(event));
-                        self.assembly.take().map_or(Ok(()), |tick| tap.tick(&tick))?;
+                        let machine = self.machine.as_ref();
+                        self.assembly.take().map_or(Ok(()), |tick| tap.tick(&tick, machine))?;
                     }
                 }
                 Event::Version(_) | Event::Reference(_) | Event::Skipped(_) => {}
@@ -184,7 +207,8 @@ impl Stream {
     /// # Errors
     /// [`StreamError::UnknownCode`].
     pub(super) fn snapshot(&self) -> Result<Option<Snapshot>, StreamError> {
-        self.assembly.snapshot()
+        let snapshot = self.assembly.snapshot()?;
+        Ok(snapshot.map(|snapshot| Snapshot { machine: self.machine.clone(), ..snapshot }))
     }
 }
 
@@ -210,10 +234,27 @@ fn take(
             if event.kind == EventKind::MachineFailed.code() {
                 assembly.machine_failed(event.tick);
             }
-            let text = String::from_utf8_lossy(event.text.as_bytes());
-            let text = text.chars().filter(|letter| !letter.is_control()).collect();
+            let text = printable(event.text.as_bytes());
             happened.push(Happened { tick: event.tick, kind: event.kind, code: event.cause, text });
         }
+        // Taken before.
+        Kind::Machine => {}
     }
     Ok(())
+}
+
+/// Reads the machine of a server.
+///
+/// # Errors
+/// [`StreamError`]: a name that is too long, or a checksum of more than 32 bits.
+fn machine_name(value: &Value<'_, '_>) -> Result<MachineName, StreamError> {
+    let machine: Machine = value.read().map_err(|_| StreamError::LongText { name: Kind::Machine.name() })?;
+    let kinematics =
+        u32::try_from(machine.kinematics).map_err(|_| StreamError::OtherType { name: Kind::Machine.name() })?;
+    Ok(MachineName { name: printable(machine.name.as_bytes()), kinematics })
+}
+
+/// Text of a server: bytes that are not UTF-8 are replaced, control characters removed.
+fn printable(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).chars().filter(|letter| !letter.is_control()).collect()
 }

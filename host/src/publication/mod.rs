@@ -1,9 +1,10 @@
 //! Samples of the server for programs that speak LabComm `[T 4.2.3]`: a port carries the samples that were agreed on, one of each per tick.
 //!
-//! A reader that connects gets version and definitions first, and `session_event` of a failure of the machine that still lasts. What it sends
+//! A reader that connects gets version and definitions first, the sample of the machine, and `session_event` of a failure of the machine that still lasts. What it sends
 //! is not read, and it is dropped if it does not keep up.
 
 mod drives;
+mod machine;
 mod rows;
 mod sample_name;
 mod ticks;
@@ -21,6 +22,7 @@ use crate::server::cycle::Row;
 use crate::server::event_log::{Event, EventKind};
 
 pub use drives::Drives;
+pub use machine::Machine;
 pub use rows::{Samples, Sensors};
 pub use sample_name::{ParseSampleNameError, SampleName};
 use ticks::TICK;
@@ -36,8 +38,10 @@ pub struct Publication {
     /// Resolution of the gauges, m: what one count of `data` means.
     gauge_resolution_m: f64,
     ticks: Ticks,
-    /// Bytes that a new reader gets first: version and definitions, then the failure of the machine while it lasts.
+    /// Bytes that a new reader gets first: version and definitions, the machine, then the failure of the machine while it lasts.
     preamble: Vec<u8>,
+    /// Bytes of the preamble that stay: all but the failure.
+    standing: usize,
     /// Ticks that were published and not sent.
     batch: Vec<u8>,
 }
@@ -57,7 +61,17 @@ impl Publication {
         let mut preamble = Vec::with_capacity(ticks.preamble().len() + TICK);
         preamble.extend_from_slice(ticks.preamble());
         let batch = Vec::with_capacity(BATCH);
-        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks, preamble, batch })
+        let standing = preamble.len();
+        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks, preamble, standing, batch })
+    }
+
+    /// Says which machine it is, if the port carries that sample.
+    #[must_use]
+    pub fn of_machine(mut self, machine: &Machine) -> Self {
+        self.preamble.extend_from_slice(self.ticks.encode_machine(machine));
+        self.standing = self.preamble.len();
+        self.preamble.reserve(TICK);
+        self
     }
 
     /// Serves only these peers.
@@ -114,7 +128,7 @@ impl Publication {
         if failure.is_none() && (row.plant_failed || row.state.phase != Phase::Listening) {
             return;
         }
-        self.preamble.truncate(self.ticks.preamble().len());
+        self.preamble.truncate(self.standing);
         self.preamble.extend_from_slice(self.ticks.encode_events(failure));
     }
 }

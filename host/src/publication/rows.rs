@@ -4,7 +4,7 @@ use gantry_tau_core::control::message::{self, AxisState, Counters};
 use gantry_tau_labcomm::samples::{Axes, Axis, Data, ForceSensor, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Encoder, ErrorKind, Field, Text, Version};
 
-use super::{Drives, SampleName};
+use super::{Drives, Machine, SampleName};
 use crate::plant::{DriveState, ToolReading};
 use crate::server::cycle::Row;
 use crate::server::event_log::Event;
@@ -29,9 +29,20 @@ pub(super) fn define<const N: usize>(
             SampleName::Tool => encoder.define::<Tool>(index),
             SampleName::SessionEvent => encoder.define::<SessionEvent>(index),
             SampleName::Drives => encoder.define::<Drives<N>>(index),
+            SampleName::Machine => encoder.define::<Machine>(index),
         }?;
     }
     Ok(())
+}
+
+/// Writes the machine, if a port carries it.
+pub(super) fn write_machine(
+    encoder: &mut Encoder<'_>,
+    mut names: impl Iterator<Item = (u32, SampleName)>,
+    machine: &Machine,
+) -> Result<(), ErrorKind> {
+    let Some((index, _)) = names.find(|(_, name)| *name == SampleName::Machine) else { return Ok(()) };
+    encoder.data(index, machine)
 }
 
 /// Instruments at the tool.
@@ -118,7 +129,7 @@ pub(super) fn write_tick<const N: usize>(
             (SampleName::SessionEvent, _) => write_events(encoder, std::iter::once((index, name)), events)?,
             (SampleName::Data, Some(sensors)) => encoder.data(index, &data(sensors))?,
             (SampleName::ForceSensor, Some(sensors)) => encoder.data(index, &force_sensor(sensors.tool))?,
-            (SampleName::Data | SampleName::ForceSensor, None) => {}
+            (SampleName::Data | SampleName::ForceSensor, None) | (SampleName::Machine, _) => {}
         }
     }
     Ok(())

@@ -20,12 +20,22 @@ pub enum SampleName {
     SessionEvent,
     /// States of the drives.
     Drives,
+    /// Name and kinematics checksum of the machine, once.
+    Machine,
 }
 
 impl SampleName {
     /// All samples, in the order in which they are listed to users.
-    pub const ALL: [Self; 7] =
-        [Self::Data, Self::ForceSensor, Self::State, Self::Axes, Self::Tool, Self::SessionEvent, Self::Drives];
+    pub const ALL: [Self; 8] = [
+        Self::Data,
+        Self::ForceSensor,
+        Self::State,
+        Self::Axes,
+        Self::Tool,
+        Self::SessionEvent,
+        Self::Drives,
+        Self::Machine,
+    ];
 
     /// Name on the wire.
     #[must_use]
@@ -38,6 +48,7 @@ impl SampleName {
             Self::Tool => "tool",
             Self::SessionEvent => "session_event",
             Self::Drives => "drives",
+            Self::Machine => "machine",
         }
     }
 
@@ -56,7 +67,7 @@ impl fmt::Display for SampleName {
 
 /// A name that no sample has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no sample {name:?}; expected data, forcesensor, state, axes, tool, session_event or drives")]
+#[error("there is no sample {name:?}; expected data, forcesensor, state, axes, tool, session_event, drives or machine")]
 pub struct ParseSampleNameError {
     name: String,
 }

@@ -4,8 +4,8 @@ use std::io;
 
 use gantry_tau_labcomm::{Encoder, ErrorKind, Version};
 
-use super::SampleName;
 use super::rows::{self, Samples, Sensors};
+use super::{Machine, SampleName};
 use crate::server::event_log::Event;
 
 /// Room for the definitions of all samples, bytes.
@@ -47,6 +47,11 @@ impl Ticks {
     #[must_use]
     pub fn preamble(&self) -> &[u8] {
         &self.preamble
+    }
+
+    /// Returns the bytes of the machine.
+    pub(super) fn encode_machine(&mut self, machine: &Machine) -> &[u8] {
+        self.written(|encoder, names| rows::write_machine(encoder, names, machine))
     }
 
     /// Returns the bytes of gauges and force sensor.

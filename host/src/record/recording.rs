@@ -110,6 +110,11 @@ impl<const N: usize> Recording<N> {
         &self.path
     }
 
+    /// True if the recording draws the machine.
+    pub(crate) const fn draws(&self) -> bool {
+        matches!(self.writer, Writer::Mcap(_))
+    }
+
     /// Writes a row, and what happened in its tick.
     pub fn write<T: TickRow<N>>(&mut self, row: &T, events: &[Event]) {
         let writer = &mut self.writer;

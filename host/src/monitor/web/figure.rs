@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::draw::figure::{self, Displaced, Moving, Position};
 use crate::model::MachineKind;
-use crate::monitor::Snapshot;
+use crate::monitor::{MachineName, Snapshot};
 use crate::robot_file::{RobotFile, RobotFileError};
 
 /// Coordinates, m.
@@ -59,6 +59,8 @@ pub(super) struct Figure {
 pub trait Figures: Send {
     /// Number of axes.
     fn axes(&self) -> usize;
+    /// Name, and checksum of the kinematic parameters.
+    fn identity(&self) -> MachineName;
     /// What stays as it is, JSON.
     fn machine(&self) -> String;
     /// Points of a tick, JSON.
@@ -82,6 +84,10 @@ impl<K: MachineKind<N>, const N: usize> Drawn<K, N> {
 impl<K: MachineKind<N>, const N: usize> Figures for Drawn<K, N> {
     fn axes(&self) -> usize {
         N
+    }
+
+    fn identity(&self) -> MachineName {
+        MachineName { name: self.0.name().to_owned(), kinematics: self.0.kinematics() }
     }
 
     fn machine(&self) -> String {

@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::figure::Figures;
 use crate::monitor::screen::time_of_day;
 use crate::monitor::snapshot::key_of;
-use crate::monitor::{Monitor, Snapshot};
+use crate::monitor::{Monitor, SAMPLES, Snapshot};
 
 /// Time that the history covers, s.
 const HISTORY_S: f64 = 60.0;
@@ -85,9 +85,12 @@ impl Hub {
         let picture = match (snapshot, &status, &point) {
             (Some(snapshot), Some(status), Some(point)) => {
                 let server = monitor.server();
-                let figure = figure(snapshot, figures);
+                let (figure, stranger) = match figure(snapshot, figures) {
+                    Ok(figure) => (figure, Value::Null),
+                    Err(stranger) => ("null".to_owned(), Value::String(stranger)),
+                };
                 format!(
-                    "{{\"live\":true,\"server\":\"{server}\",\"status\":{status},\"point\":{point},\"figure\":{figure}}}"
+                    "{{\"live\":true,\"server\":\"{server}\",\"status\":{status},\"point\":{point},\"figure\":{figure},\"stranger\":{stranger}}}"
                 )
             }
             _ => json!({"live": false, "trouble": monitor.trouble()}).to_string(),
@@ -130,10 +133,21 @@ fn point(at: f64, snapshot: &Snapshot) -> String {
     json!([at, key_of(snapshot.phase.name()), offsets]).to_string()
 }
 
-/// Points of the machine; `null` where another machine is running.
-fn figure(snapshot: &Snapshot, figures: &mut dyn Figures) -> String {
-    if snapshot.axes.len() != figures.axes() {
-        return "null".to_owned();
+/// Points of the machine as JSON.
+///
+/// # Errors
+/// The reason for which the page's machine must not be drawn at the server's positions, for people.
+fn figure(snapshot: &Snapshot, figures: &mut dyn Figures) -> Result<String, String> {
+    let own = figures.identity();
+    let Some(machine) = &snapshot.machine else {
+        return Err(format!(
+            "Unknown machine: the port does not publish the sample machine, and needs serve --labcomm HOST:PORT={SAMPLES}."
+        ));
+    };
+    if machine.kinematics != own.kinematics || snapshot.axes.len() != figures.axes() {
+        return Err(format!(
+            "The server's machine is {machine}, this page's is {own}: name its robot file with --robot."
+        ));
     }
-    figures.figure(snapshot).unwrap_or_else(|_| "null".to_owned())
+    figures.figure(snapshot).map_err(|error| format!("The machine cannot be at these positions: {error}."))
 }

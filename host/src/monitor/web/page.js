@@ -87,7 +87,7 @@ function take(next) {
   picture = next.status ? next : { ...picture, ...next };
   showLink(next.live, next.live ? `live · ${next.server}` : next.trouble);
   if (next.status) {
-    show("hint", next.figure ? HINT : "The server's machine is another one: name its robot file with --robot.");
+    show("hint", next.figure ? HINT : next.stranger);
     showStatus(next.status);
     keep(next.point);
   }

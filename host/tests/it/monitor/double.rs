@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau::publication::Drives;
+use gantry_tau::publication::{Drives, Machine};
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_labcomm::samples::{Axes, Axis, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{Encoder, ErrorKind, Text, Version};
@@ -26,11 +27,32 @@ pub(crate) struct Scene {
     pub(crate) offset_nm: i32,
     /// Movement of every axis, nm per tick.
     pub(crate) step_nm: i64,
+    /// The machine that the server names.
+    pub(crate) machine: Named,
+}
+
+/// Machine that a server names.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Named {
+    /// The built-in L2.
+    L2,
+    /// One with other kinematic parameters.
+    Other,
+    /// None: the server is of an earlier version.
+    None,
 }
 
 impl Scene {
     pub(crate) const fn of(phase: Phase, cause: Cause) -> Self {
-        Self { version: Version::V2014, phase, cause, machine_fails: false, offset_nm: -10_000, step_nm: 0 }
+        Self {
+            version: Version::V2014,
+            phase,
+            cause,
+            machine_fails: false,
+            offset_nm: -10_000,
+            step_nm: 0,
+            machine: Named::L2,
+        }
     }
 
     pub(crate) fn state(&self, tick: i64) -> State {
@@ -175,6 +197,12 @@ fn begin(scene: &Scene) -> Option<Vec<u8>> {
     encoder.define::<Tool>(index + 2).ok()?;
     encoder.define::<SessionEvent>(index + 3).ok()?;
     encoder.define::<Drives<3>>(index + 4).ok()?;
+    let own = Machine::of(&RobotFile::builtin_l2().unwrap());
+    let other = Machine { kinematics: 0x0bad_cafe, name: Text::cut("small.toml") };
+    if scene.machine != Named::None {
+        encoder.define::<Machine>(index + 5).ok()?;
+        encoder.data(index + 5, if scene.machine == Named::L2 { &own } else { &other }).ok()?;
+    }
     Some(encoder.bytes().to_vec())
 }
 

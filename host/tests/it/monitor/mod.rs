@@ -6,6 +6,7 @@ mod served;
 mod web;
 
 use double::{Double, FIRST_TICK, HOME_NM, Scene};
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_labcomm::samples::{Axes, SessionEvent, State};
 use gantry_tau_labcomm::{Encoder, Field, Text, Version};
@@ -30,6 +31,7 @@ const PHASES: [(Phase, Cause, &str, &str, i32); 6] = [
 #[test]
 fn the_status_has_every_number_and_the_exit_status_of_the_phase() {
     let folder = Folder::new("monitor_status");
+    let own = RobotFile::builtin_l2().unwrap();
     for ((phase, cause, phase_key, cause_key, code), version) in
         PHASES.into_iter().zip([Version::V2006, Version::V2014, Version::V2014_0].into_iter().cycle())
     {
@@ -70,6 +72,7 @@ fn the_status_has_every_number_and_the_exit_status_of_the_phase() {
             "gauges_m": [0.000_19, 0.000_036, 0.000_024],
             "displacement_m": [1e-4, -5e-5, 2e-5],
             "turn_rad": [1e-5, 2e-5, 0.0],
+            "machine": {"name": own.name, "kinematics": format!("{:08x}", own.checksum())},
         });
         assert_eq!(said, expected);
     }
@@ -154,7 +157,7 @@ fn a_port_with_other_samples_is_told_by_name() {
         (unknown_phase, "phase 9, which is unknown"),
         (b"HTTP/1.1 400 Bad Request\r\n\r\n".to_vec(), "does not send LabComm"),
         (vec![0; 4_096], "does not send LabComm"),
-        (Vec::new(), "it may have four readers"),
+        (Vec::new(), "the server is stopped or hangs"),
     ];
     for (bytes, words) in cases {
         let said = status(&folder, &Double::of_bytes(bytes)).failure(6);
@@ -247,6 +250,7 @@ fn the_screen_shows_axes_force_and_events() {
         "received 41 234  missed 3 (longest 1)  late 2",
         "\n1        624.500 000     -189.000            -      624.310 996      0.0     -0.003      -1.2\n",
         "\n2       -696.400 000     -378.000            -     -696.778 004      0.0     -0.003      -1.2  position limited\n",
+        "\nmachine ",
         "\ndrives operating, ready, quick stop\n",
         "force   300.2    -0.5   -18.0 N     0.05  -0.10   0.02 N m   gauges   190.0    36.0    24.0 µm",
     ] {

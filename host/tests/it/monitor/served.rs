@@ -9,6 +9,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use gantry_tau::client::Connection;
+use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Event, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
@@ -21,7 +22,7 @@ use crate::process::{Folder, Running};
 use crate::publication::{ports, record};
 use crate::signals::serve_typed;
 
-const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event,drives";
+const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event,drives,machine";
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Offset that a ramp of some seconds takes to zero, nm; on each axis another part of it.
@@ -142,6 +143,9 @@ fn without_record(mut line: Value, record: &HashMap<i64, HashMap<String, String>
     let line = line.as_object_mut().unwrap();
     let drives = [1, 2, 3].map(|number| row[&format!("drive_{number}")].clone());
     assert_eq!(line.remove("drives").unwrap(), json!(drives));
+    let machine = line.remove("machine").unwrap();
+    let own = RobotFile::builtin_l2().unwrap();
+    assert_eq!(machine, json!({"name": own.name, "kinematics": format!("{:08x}", own.checksum())}));
     let force = line.remove("force").unwrap();
     assert_eq!(json!(row["force_x_n"].parse::<f64>().unwrap()), force[0]);
     for key in ["gauges_m", "displacement_m", "turn_rad"] {

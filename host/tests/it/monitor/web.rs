@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use gantry_tau_core::control::message::{Cause, Phase};
 use serde_json::Value;
 
-use super::double::{Double, Scene};
+use super::double::{Double, Named, Scene};
 use crate::process::{Folder, Running};
 
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -150,6 +150,45 @@ fn another_machine_than_the_robot_files_is_not_drawn() {
     };
     assert_eq!(picture["figure"], Value::Null);
     assert_eq!(picture["status"]["axes"].as_array().unwrap().len(), 3);
+}
+
+/// Found from outside: the page drew the built-in L2 at the positions of a smaller machine, and called it live.
+#[test]
+fn a_machine_of_other_kinematics_or_without_a_name_is_not_drawn() {
+    let folder = Folder::new("monitor_page_machine");
+    for (machine, words) in [
+        (Named::Other, &["small.toml (kinematics 0badcafe)", "--robot"][..]),
+        (Named::None, &["Unknown machine", "session_event,drives,machine"]),
+    ] {
+        let double = Double::of(Scene { machine, ..Scene::of(Phase::Submit, Cause::None) });
+        let (_monitor, page) = start(&folder, &double, &[]);
+        let mut reader = Reader::of(page);
+        let picture = loop {
+            let picture = reader.next("message");
+            if picture["live"] == true {
+                break picture;
+            }
+        };
+        assert_eq!(picture["figure"], Value::Null);
+        let said = picture["stranger"].as_str().unwrap();
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+    }
+}
+
+/// As the page: what would be drawn wrong is not recorded, and the reason is told.
+#[test]
+fn a_machine_of_other_kinematics_is_not_recorded_as_this_one() {
+    let folder = Folder::new("monitor_record_machine");
+    for (machine, file, words) in [
+        (Named::Other, "other.csv", "the server's machine has kinematics 0badcafe"),
+        (Named::Other, "other.mcap", "the server's machine has kinematics 0badcafe"),
+        (Named::None, "none.mcap", "does not say which machine it has"),
+    ] {
+        let double = Double::of(Scene { machine, ..Scene::of(Phase::Submit, Cause::None) });
+        let address = double.address.to_string();
+        let ended = folder.run(&["monitor", &address, "--record", file, "--quit-after", "1"]);
+        assert!(ended.stderr.contains(words), "{file}: {}", ended.stderr);
+    }
 }
 
 #[test]

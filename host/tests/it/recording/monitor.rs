@@ -8,7 +8,7 @@ use crate::process::Folder;
 use crate::publication::ports;
 use crate::signals::{await_obtain, serve_pulling};
 
-const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event,drives";
+const PORT: &str = "127.0.0.1:0=state,axes,tool,session_event,drives,machine";
 const FILES: [&str; 3] = ["monitor.csv", "monitor.labcomm", "monitor.mcap"];
 
 #[test]

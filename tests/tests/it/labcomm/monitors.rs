@@ -126,6 +126,7 @@ fn snapshot(before: &Row<ARMS>, row: &Row<ARMS>) -> Snapshot {
         gauges_m: Some(tool.gauges_m),
         displacement_m: Some(tool.displacement_m),
         turn_rad: Some(tool.turn_rad),
+        machine: None,
     }
 }
 

@@ -31,6 +31,7 @@ fn snapshot(nominal_nm: &[i64], offset_nm: i32) -> Snapshot {
         gauges_m: None,
         displacement_m: Some([1e-4, -2e-4, 3e-4]),
         turn_rad: Some([0.0, 0.0, 1e-3]),
+        machine: None,
     }
 }
 
