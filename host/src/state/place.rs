@@ -97,8 +97,7 @@ impl Environment {
     #[must_use]
     pub fn of_process() -> Self {
         let state_home = if cfg!(windows) { "LOCALAPPDATA" } else { "XDG_STATE_HOME" };
-        let [state_directory, state_home, home] =
-            ["STATE_DIRECTORY", state_home, "HOME"].map(|name| std::env::var_os(name));
+        let [state_directory, state_home, home] = ["STATE_DIRECTORY", state_home, "HOME"].map(std::env::var_os);
         Self { state_directory, state_home, home, is_root: is_root() }
     }
 
