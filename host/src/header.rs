@@ -1,7 +1,6 @@
 //! `header`: a machine as a C header, for programs over the C interface (`host/capi`).
 
 use std::fmt::{Debug, Write as _};
-use std::path::PathBuf;
 use std::str::FromStr;
 
 use gantry_tau_core::control::channel::Limits;
@@ -10,8 +9,8 @@ use gantry_tau_core::model::robot::Branch;
 use gantry_tau_core::model::{f1, l2};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::files::{WriteError, write};
 use crate::model::MachineKind;
+use crate::output::{Output, WriteError};
 use crate::robot_file::{AnyRobotFile, CYCLE_US, CorrectionKind, RobotFile, Sensor, matrix};
 
 /// Options of the header.
@@ -22,7 +21,7 @@ pub struct HeaderOptions {
     /// First part of every name in the header; a program with two machines gives each its own.
     pub prefix: Prefix,
     /// Output file.
-    pub output: PathBuf,
+    pub output: Output,
 }
 
 /// First part of the names in a header: letters, digits and underscores, the first a letter, in lower case.
@@ -66,7 +65,8 @@ pub enum HeaderError {
 /// # Errors
 /// [`HeaderError`]; nothing is written then.
 pub fn run(options: &HeaderOptions) -> Result<(), HeaderError> {
-    Ok(write(&options.output, &text(&options.robot, &options.prefix)?)?)
+    options.output.write(&text(&options.robot, &options.prefix)?)?;
+    Ok(())
 }
 
 /// Returns the header of a machine, with names that begin with `prefix`.

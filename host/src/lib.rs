@@ -2,6 +2,7 @@
 //!
 //! Everything that can reach a drive goes through [`gantry_tau_core`]; this crate brings clock, sockets and files.
 #![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests write files of their own"))]
 #![allow(
     clippy::arithmetic_side_effects,
     clippy::as_conversions,
@@ -19,7 +20,6 @@ pub mod elastic;
 pub mod ethercat;
 pub mod experiment;
 pub mod faults;
-pub mod files;
 pub mod fit;
 pub mod follow;
 pub mod force_sensor;
@@ -32,6 +32,7 @@ pub mod linuxcnc;
 pub mod measurements;
 pub mod model;
 pub mod monitor;
+pub mod output;
 mod places;
 pub mod plan;
 pub mod plant;

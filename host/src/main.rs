@@ -1,5 +1,6 @@
 //! The command line of gantry-tau.
 #![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests write files of their own"))]
 
 mod cli;
 

@@ -23,6 +23,7 @@ use gantry_tau_core::model::{f1, l2};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::model::{F1, L2, MachineKind};
+use crate::output::printable;
 pub use build::CYCLE_US;
 use check::Kind;
 pub use drives::Drives;
@@ -260,7 +261,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         (model.axes_at(&sections.simulation.home_m.into()))
             .map_err(|error| Problem::new("simulation.home_m", error))?;
         Ok(Self {
-            name: name.to_owned(),
+            name: printable(name),
             model,
             compliances,
             metres_per_q: sections.axes.metres_per_q.0,

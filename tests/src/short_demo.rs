@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use gantry_tau::demo::{DemoOptions, PaceChoice, run_on};
 use gantry_tau::model::MachineKind;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::plant::Plant;
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::server::tick_source::TickSource;
@@ -32,7 +33,7 @@ where
         force_max_n: 120.0,
         force_step_n: 60.0,
         step_seconds: 0.2,
-        report: report.clone(),
+        report: Output::new(&*report, Kind::Page),
         json: None,
         record: None,
         black_box: None,

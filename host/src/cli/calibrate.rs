@@ -1,14 +1,14 @@
 //! `gantry-tau calibrate`.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use gantry_tau::geometry::calibrate::{CalibrateOptions, FrameOption, GuidewaysOption, calibrate_f1, calibrate_l2};
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::terminal::say;
 
-use super::outputs::write_learned;
+use super::outputs::{Input, NamedInput, file, write_learned};
 use super::{Outcome, fail};
 
 /// Find the geometry of a machine from poses that a camera, an arm or a tracker has measured
@@ -22,26 +22,26 @@ use super::{Outcome, fail};
 pub(crate) struct Calibrate {
     /// Set-up of the measurements, format = "gantry-tau poses 1"
     #[arg(value_name = "POSES.toml")]
-    poses: PathBuf,
+    poses: Input,
     /// The machine as it is known: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE")]
-    robot: String,
+    robot: NamedInput,
     /// Robot file to be written; an existing one is replaced only with --force
-    #[arg(short, value_name = "FILE.toml")]
-    output: PathBuf,
+    #[arg(short, value_name = "FILE.toml", value_parser = file(Kind::Robot))]
+    output: Output,
     /// Replace an existing robot file
     #[arg(long)]
     force: bool,
     /// The answer for programs: parameters, intervals, covariance, outliers
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
+    json: Option<Output>,
     /// Page with what is left, expected errors and parameters
-    #[arg(long, value_name = "PAGE.html")]
-    report: Option<PathBuf>,
+    #[arg(long, value_name = "PAGE.html", value_parser = file(Kind::Page))]
+    report: Option<Output>,
     /// Frame of the machine in the file: nominal (where the robot file has it), measured (the device's), or a file of three or more points of
     /// the base that the device has measured, format = "gantry-tau frame 1"
     #[arg(long, value_name = "nominal|measured|FILE", default_value = "nominal")]
-    frame: String,
+    frame: NamedInput,
     /// Guideways of an L2: free (21 parameters) or parallel (15)
     #[arg(long, value_enum, default_value_t = Guideways::Free)]
     guideways: Guideways,
@@ -76,14 +76,11 @@ fn triple(text: &str) -> Result<[f64; 3], String> {
 
 impl Calibrate {
     pub(super) fn run(self) -> Outcome {
-        if self.output.exists() && !self.force {
-            return Err(format!("{} exists; --force replaces it", self.output.display()).into());
-        }
         let robot = AnyRobotFile::named(&self.robot)?;
         let options = CalibrateOptions {
-            poses: self.poses,
-            robot: self.robot,
-            frame: match self.frame.as_str() {
+            poses: self.poses.into(),
+            robot: self.robot.into(),
+            frame: match &*self.frame {
                 "nominal" => FrameOption::Nominal,
                 "measured" => FrameOption::Measured,
                 path => FrameOption::Points(path.into()),
@@ -99,10 +96,10 @@ impl Calibrate {
             AnyRobotFile::L2(robot) => calibrate_l2(&robot, &options)?,
             AnyRobotFile::F1(robot) => calibrate_f1(&robot, &options)?,
         };
-        let json = (self.json.as_deref(), calibration.json.as_str());
-        let page = (self.report.as_deref(), calibration.report.as_str());
+        let json = (self.json.as_ref(), calibration.json.as_str());
+        let page = (self.report.as_ref(), calibration.report.as_str());
         write_learned(&self.output, &calibration.robot_file, &[json, page])?;
-        say(format_args!("{}: {}", self.output.display(), calibration.summary));
+        say(format_args!("{}: {}", self.output.path().display(), calibration.summary));
         for remark in &calibration.remarks {
             say(format_args!("{remark}"));
         }

@@ -14,6 +14,7 @@ use gantry_tau::sensor_link::Sample;
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::{AxisState, State, Welcome};
 
+use super::outputs::NamedInput;
 use super::recording::ClientRecording;
 use super::{MachineCommand, Outcome, fail, peer, sensor, transport};
 
@@ -37,7 +38,7 @@ pub(crate) struct Client {
     sensor: SensorSource,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    pub(super) robot: String,
+    pub(super) robot: NamedInput,
     /// UDP datagrams instead of a TCP stream; the server needs --udp as well
     #[arg(long)]
     udp: bool,

@@ -1,13 +1,14 @@
 //! `gantry-tau demo`.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::demo::{DemoOptions, PaceChoice};
 use gantry_tau::model::MachineKind;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::RobotFile;
 
+use super::outputs::{NamedInput, file};
 use super::recording::ClientRecording;
 use super::{MachineCommand, Outcome, Pace};
 
@@ -21,10 +22,10 @@ use super::{MachineCommand, Outcome, Pace};
 pub(crate) struct Demo {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    pub(super) robot: String,
+    pub(super) robot: NamedInput,
     /// The machine as the client knows it, for instance with identified springs [default: that of --robot]
     #[arg(long, value_name = "l2|f1|FILE")]
-    client: Option<String>,
+    client: Option<NamedInput>,
     /// Largest force, N. Above 360 N the machine jumps, like the one of the thesis
     #[arg(long, value_name = "N", default_value_t = 300.0, allow_negative_numbers = true)]
     force_max: f64,
@@ -38,16 +39,16 @@ pub(crate) struct Demo {
     #[arg(long)]
     pace: Option<Pace>,
     /// Path of the report
-    #[arg(long, value_name = "FILE", default_value = "report.html")]
-    report: PathBuf,
+    #[arg(long, value_name = "FILE", default_value = "report.html", value_parser = file(Kind::Page))]
+    report: Output,
     /// Write the numbers as JSON as well
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
+    json: Option<Output>,
     #[command(flatten)]
     recording: ClientRecording,
     /// Write the server's black box of the pulled cable as well, for `gantry-tau replay`
-    #[arg(long, value_name = "FILE.jsonl")]
-    black_box: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.jsonl", value_parser = file(Kind::BlackBox))]
+    black_box: Option<Output>,
 }
 
 impl MachineCommand for Demo {

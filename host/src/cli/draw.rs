@@ -1,14 +1,15 @@
 //! `gantry-tau draw`.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::draw::DrawOptions;
 use gantry_tau::model::MachineKind;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 
+use super::outputs::{NamedInput, file};
 use super::{MachineCommand, Outcome};
 
 /// Draw a machine at home: guideways, carts, links, platform and tool, as a wireframe in SVG
@@ -18,10 +19,10 @@ use super::{MachineCommand, Outcome};
 pub(crate) struct Draw {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(value_name = "l2|f1|FILE")]
-    pub(super) robot: String,
+    pub(super) robot: NamedInput,
     /// Output file
-    #[arg(long, value_name = "FILE.svg", default_value = "machine.svg")]
-    svg: PathBuf,
+    #[arg(long, value_name = "FILE.svg", default_value = "machine.svg", value_parser = file(Kind::Picture))]
+    svg: Output,
     /// Direction to the viewer about the z axis, from +x towards +y, degrees
     #[arg(long, value_name = "DEG", default_value_t = 60.0, allow_negative_numbers = true)]
     azimuth: f64,
@@ -34,7 +35,7 @@ impl MachineCommand for Draw {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = DrawOptions { robot, svg: self.svg, azimuth_deg: self.azimuth, elevation_deg: self.elevation };
         gantry_tau::draw::run(&options)?;
-        say(format_args!("{}: drawn to {}", options.robot.name, options.svg.display()));
+        say(format_args!("{}: drawn to {}", options.robot.name, options.svg.path().display()));
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::any::Any;
 use std::io::BufRead;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,16 +14,17 @@ use gantry_tau::experiment::live::{self, LiveOptions};
 use gantry_tau::experiment::simulated::simulate;
 use gantry_tau::experiment::table::Table;
 use gantry_tau::experiment::tracker::{TrackedMachine, track};
-use gantry_tau::files::write;
 use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::measurements::format_of;
 use gantry_tau::measurements::plan::{self, Plan};
 use gantry_tau::measurements::poses::{self, PosesPlan};
 use gantry_tau::model::MachineKind;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::springs::thesis;
 use gantry_tau::terminal::say;
 
+use super::outputs::{ContinuedTable, Input, NamedInput, file};
 use super::{MachineCommand, Outcome, fail, peer, run_on, sensor, transport};
 
 /// Measure a campaign of forces and gauges, window by window
@@ -43,17 +44,17 @@ use super::{MachineCommand, Outcome, fail, peer, run_on, sensor, transport};
 pub(crate) struct Experiment {
     /// The plan: a set-up with [[series]], format = "gantry-tau springs 1"; simulated also with [[pose]], format = "gantry-tau poses 1"
     #[arg(value_name = "PLAN.toml")]
-    plan: PathBuf,
+    plan: Input,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    pub(super) robot: String,
+    pub(super) robot: NamedInput,
     /// Measure the simulated machine, without a server; SEED decides its springs and every error [default: the robot file's]
     #[arg(long, value_name = "SEED", num_args = 0..=1, conflicts_with_all = ["udp", "obtain", "raw", "ask_gauges", "unattended"])]
     simulated: Option<Option<u64>>,
     /// With --simulated: robot file of the client, whose springs compensate and predict how far the sensor turns, while those of --robot are
     /// the machine's [default: as --robot]
     #[arg(long, value_name = "l2|f1|FILE", requires = "simulated")]
-    client: Option<String>,
+    client: Option<NamedInput>,
     /// Address of the server
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = peer)]
     server: Addresses,
@@ -77,13 +78,13 @@ pub(crate) struct Experiment {
     unattended: bool,
     /// Record every tick of a series, from its slack level on, for `identify --raw`; continued where the table is
     #[arg(long, value_name = "FILE.csv")]
-    raw: Option<PathBuf>,
+    raw: Option<ContinuedTable>,
     /// Page with the thesis' own evaluation of every series, beside that of `identify` and the thesis' tables 5.1 to 5.3
-    #[arg(long, value_name = "PAGE.html")]
-    thesis: Option<PathBuf>,
+    #[arg(long, value_name = "PAGE.html", value_parser = file(Kind::Page))]
+    thesis: Option<Output>,
     /// Table to be written, or continued
     #[arg(short, value_name = "MEASURED.csv")]
-    output: PathBuf,
+    output: ContinuedTable,
 }
 
 impl MachineCommand for Experiment {
@@ -113,11 +114,11 @@ impl Experiment {
             AnyRobotFile::L2(robot) => self.tracked(*robot, seed)?,
             AnyRobotFile::F1(robot) => self.tracked(*robot, seed)?,
         };
-        let is_taken = std::fs::read_to_string(&self.output).is_ok_and(|old| old.lines().count() > 1);
+        let is_taken = std::fs::read_to_string(&*self.output).is_ok_and(|old| old.lines().count() > 1);
         if is_taken {
             return Err(format!("{} has rows; remove it, or name another file", self.output.display()).into());
         }
-        write(&self.output, &table)?;
+        Output::new(&*self.output, Kind::Table).write(&table)?;
         let poses = table.lines().count().saturating_sub(1);
         say(format_args!("{}: {poses} poses of the simulated machine", self.output.display()));
         Ok(ExitCode::SUCCESS)
@@ -160,9 +161,9 @@ impl Experiment {
         &self,
         robot: &RobotFile<K, N>,
     ) -> Result<(), Box<dyn std::error::Error>> {
-        let Some(path) = &self.thesis else { return Ok(()) };
-        write(path, &thesis::page(robot, &self.plan, &self.output)?)?;
-        say(format_args!("{}: the thesis' evaluation, beside that of identify", path.display()));
+        let Some(page) = &self.thesis else { return Ok(()) };
+        page.write(&thesis::page(robot, &self.plan, &self.output)?)?;
+        say(format_args!("{}: the thesis' evaluation, beside that of identify", page.path().display()));
         Ok(())
     }
 
@@ -177,9 +178,9 @@ impl Experiment {
             AnyRobotFile::F1(client) => client,
         };
         let client = client.downcast::<RobotFile<K, N>>();
-        let client = client.map_err(|_| format!("{named}: is not of the machine's kind, {:?}", K::MODEL))?;
+        let client = client.map_err(|_| format!("{}: is not of the machine's kind, {:?}", &**named, K::MODEL))?;
         if client.checksum() != robot.checksum() {
-            return Err(format!("{named}: its geometry or metres_per_q is not that of {}", robot.name).into());
+            return Err(format!("{}: its geometry or metres_per_q is not that of {}", &**named, robot.name).into());
         }
         Ok(*client)
     }
@@ -199,8 +200,8 @@ impl Experiment {
             gauges: (!self.ask_gauges).then(|| self.gauges.clone()),
             obtain: self.obtain,
             is_unattended: self.unattended,
-            raw: self.raw.clone(),
-            output: self.output.clone(),
+            raw: self.raw.as_ref().map(|raw| raw.to_path_buf()),
+            output: self.output.to_path_buf(),
         };
         let report = match live::run(options, &quit, &lines_typed()) {
             Ok(report) => report,

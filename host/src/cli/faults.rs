@@ -1,7 +1,6 @@
 //! `gantry-tau faults`.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,6 +14,7 @@ use gantry_tau::faults::{Fault, FaultStats};
 use gantry_tau::server::ServerError;
 use gantry_tau::terminal::say;
 
+use super::outputs::Input;
 use super::{Outcome, address, transport};
 
 /// Longest wait for an ended connection before looking for Ctrl-C.
@@ -97,7 +97,7 @@ pub(crate) struct Faults {
     reset: Option<FaultRate>,
     /// Scripted faults, see above
     #[arg(long, value_name = "FILE")]
-    script: Option<PathBuf>,
+    script: Option<Input>,
     /// Print the counts as one line of JSON
     #[arg(long)]
     json: bool,
@@ -152,7 +152,7 @@ impl Faults {
         let script = match &self.script {
             Some(path) => {
                 let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-                let text = std::fs::read_to_string(path).map_err(|error| named(&error))?;
+                let text = std::fs::read_to_string(&**path).map_err(|error| named(&error))?;
                 parse_script(&text).map_err(|error| named(&error))?
             }
             None => Vec::new(),

@@ -1,14 +1,15 @@
 //! `gantry-tau follow`.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::follow::{FollowOptions, Latency};
 use gantry_tau::model::MachineKind;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::terminal::say;
 
+use super::outputs::{NamedInput, file};
 use super::{MachineCommand, Outcome};
 
 /// Compare position loops in the drives and outside of them, on the simulated machine; a table and follow.html
@@ -23,23 +24,23 @@ use super::{MachineCommand, Outcome};
 pub(crate) struct Follow {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    pub(super) robot: String,
+    pub(super) robot: NamedInput,
     /// Latency of the drives that the page shows: cycles from a command to its effect, and from a measurement to its report, 0 to 5
     #[arg(long, value_name = "D,U", default_value = "1,1")]
     delay: Latency,
     /// Path of the page
-    #[arg(long, value_name = "FILE.html", default_value = "follow.html")]
-    report: PathBuf,
+    #[arg(long, value_name = "FILE.html", default_value = "follow.html", value_parser = file(Kind::Page))]
+    report: Output,
     /// Write the numbers as JSON as well
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
+    json: Option<Output>,
 }
 
 impl MachineCommand for Follow {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let options = FollowOptions { robot, latency: self.delay, report: self.report, json: self.json };
         let (table, _) = gantry_tau::follow::run::<K, N, M>(&options)?;
-        say(format_args!("{table}\npage: {}", options.report.display()));
+        say(format_args!("{table}\npage: {}", options.report.path().display()));
         Ok(ExitCode::SUCCESS)
     }
 }

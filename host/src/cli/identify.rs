@@ -1,16 +1,16 @@
 //! `gantry-tau identify`.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::measurements;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::springs::identify::{IdentifyOptions, identify};
 use gantry_tau::terminal::say;
 use gantry_tau::tool::{self, ToolOptions};
 
-use super::outputs::write_learned;
+use super::outputs::{Input, NamedInput, file, write_learned};
 use super::{Outcome, fail};
 
 /// Find the springs of a machine from forces and length gauges, or the weight of its tool from turned poses
@@ -27,25 +27,25 @@ use super::{Outcome, fail};
 pub(crate) struct Identify {
     /// Set-up of the measurements, format = "gantry-tau springs 1" or "gantry-tau tool 1"
     #[arg(value_name = "SETUP.toml")]
-    setup: PathBuf,
+    setup: Input,
     /// The machine as it is known: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE")]
-    robot: String,
+    robot: NamedInput,
     /// Robot file to be written; an existing one is replaced only with --force
-    #[arg(short, value_name = "FILE.toml")]
-    output: PathBuf,
+    #[arg(short, value_name = "FILE.toml", value_parser = file(Kind::Robot))]
+    output: Output,
     /// Replace an existing robot file
     #[arg(long)]
     force: bool,
     /// Make the windows of this table of every tick, of `experiment --raw` or `serve --record`, instead of the set-up's table
     #[arg(long, value_name = "TABLE.csv")]
-    raw: Option<PathBuf>,
+    raw: Option<Input>,
     /// Page with springs, intervals and plots
-    #[arg(long, value_name = "PAGE.html")]
-    report: Option<PathBuf>,
+    #[arg(long, value_name = "PAGE.html", value_parser = file(Kind::Page))]
+    report: Option<Output>,
     /// The answer for programs: parameters, intervals, covariance, outliers, play
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
+    json: Option<Output>,
     /// Take the noise from the residuals, not from the set-up
     #[arg(long)]
     scale: bool,
@@ -65,17 +65,14 @@ pub(crate) struct Identify {
 
 impl Identify {
     pub(super) fn run(self) -> Outcome {
-        if self.output.exists() && !self.force {
-            return Err(format!("{} exists; --force replaces it", self.output.display()).into());
-        }
         let robot = AnyRobotFile::named(&self.robot)?;
         if measurements::format_of(&self.setup)? == measurements::tool::FORMAT {
             return self.run_tool(&robot);
         }
         let options = IdentifyOptions {
-            setup: self.setup,
-            raw: self.raw,
-            robot: self.robot,
+            setup: self.setup.into(),
+            raw: self.raw.map(Into::into),
+            robot: self.robot.into(),
             is_scaled: self.scale,
             is_robust: !self.no_robust,
             has_two_regimes: self.two_regimes,
@@ -86,10 +83,10 @@ impl Identify {
             AnyRobotFile::L2(robot) => identify(&robot, &options)?,
             AnyRobotFile::F1(robot) => identify(&robot, &options)?,
         };
-        let json = (self.json.as_deref(), identification.json.as_str());
-        let page = (self.report.as_deref(), identification.report.as_str());
+        let json = (self.json.as_ref(), identification.json.as_str());
+        let page = (self.report.as_ref(), identification.report.as_str());
         write_learned(&self.output, &identification.robot_file, &[json, page])?;
-        say(format_args!("{}: {}", self.output.display(), identification.summary));
+        say(format_args!("{}: {}", self.output.path().display(), identification.summary));
         for warning in &identification.warnings {
             say(format_args!("{warning}"));
         }
@@ -104,9 +101,9 @@ impl Identify {
                     .into(),
             );
         }
-        let identified = tool::identify(robot, &ToolOptions { setup: self.setup, robot: self.robot })?;
-        write_learned(&self.output, &identified.robot_file, &[(self.json.as_deref(), &identified.json)])?;
-        say(format_args!("{}: {}", self.output.display(), identified.summary));
+        let identified = tool::identify(robot, &ToolOptions { setup: self.setup.into(), robot: self.robot.into() })?;
+        write_learned(&self.output, &identified.robot_file, &[(self.json.as_ref(), &identified.json)])?;
+        say(format_args!("{}: {}", self.output.path().display(), identified.summary));
         Ok(trusted(&identified.doubts))
     }
 }

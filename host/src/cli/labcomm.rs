@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, StdoutLock, Write};
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand, ValueEnum};
@@ -11,6 +10,7 @@ use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau_labcomm::Version;
 
+use super::outputs::{Input, NamedInput};
 use super::{MachineCommand, Outcome, run_on};
 
 /// LabComm streams as JSON lines, JSON lines as streams, and the schema of gantry-tau's samples
@@ -44,7 +44,7 @@ struct Decode {
     bits: bool,
     /// Stream or recording; standard input if absent
     #[arg(value_name = "FILE")]
-    file: Option<PathBuf>,
+    file: Option<Input>,
 }
 
 /// Write JSON lines, as `decode` prints them, as a stream to standard output
@@ -60,7 +60,7 @@ struct Encode {
     version: LabcommVersion,
     /// JSON lines; standard input if absent
     #[arg(value_name = "FILE")]
-    file: Option<PathBuf>,
+    file: Option<Input>,
 }
 
 /// Print the samples of gantry-tau as a text that LabComm's compiler takes
@@ -68,7 +68,7 @@ struct Encode {
 struct Schema {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    robot: NamedInput,
 }
 
 /// Version of the format.
@@ -169,12 +169,12 @@ impl<W: Write> Write for Named<W> {
 }
 
 /// A file, or standard input.
-fn input(file: Option<PathBuf>) -> Result<Named<Box<dyn Read>>, String> {
+fn input(file: Option<Input>) -> Result<Named<Box<dyn Read>>, String> {
     let Some(path) = file else {
         return Ok(Named { name: "standard input".to_owned(), inner: Box::new(io::stdin().lock()) });
     };
     let name = path.display().to_string();
-    match File::open(&path) {
+    match File::open(&*path) {
         Ok(file) => Ok(Named { name, inner: Box::new(file) }),
         Err(error) => Err(format!("{name}: cannot be opened: {error}")),
     }

@@ -17,6 +17,7 @@ mod plan;
 mod plant;
 mod publication;
 mod recording;
+mod recover;
 mod replay;
 mod serve;
 mod verify;
@@ -25,7 +26,7 @@ mod workspace;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use gantry_tau::dial::Addresses;
 use gantry_tau::force_sensor::{DEFAULT_NAME, SensorSource};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
@@ -52,6 +53,7 @@ enum Command {
     Serve(serve::Serve),
     Client(client::Client),
     Monitor(monitor::Monitor),
+    Recover(recover::Recover),
     Faults(faults::Faults),
     Follow(follow::Follow),
     Replay(replay::Replay),
@@ -105,11 +107,17 @@ pub(crate) fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
-    let outcome = match Arguments::parse().command {
+    let matches = Arguments::command().get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    if let Err(error) = outputs::check(&matches) {
+        return fail(1, error);
+    }
+    let outcome = match arguments.command {
         Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
         Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
         Command::Monitor(monitor) => monitor.run(),
+        Command::Recover(recover) => recover.run(),
         Command::Faults(faults) => faults.run(),
         Command::Follow(follow) => run_on(AnyRobotFile::named(&follow.robot), follow),
         Command::Replay(replay) => replay.run(),

@@ -18,6 +18,8 @@ use gantry_tau::server::cycle::Row;
 use gantry_tau::terminal::say;
 
 use super::labcomm::LabcommVersion;
+use super::outputs::NamedInput;
+use super::recording::RecordLimit;
 use super::{MachineCommand, Outcome, address, peer, run_on};
 
 /// Watch a server: phase, counters, axes, force and events, on the terminal, as JSON or as a page that draws the machine
@@ -46,10 +48,12 @@ pub(crate) struct Monitor {
     allow: Vec<String>,
     /// The machine of a page or a recording: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    robot: String,
+    robot: NamedInput,
     /// Record every tick that is received, in the format of the extension, with the columns and samples of a recording by `serve`
     #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,
+    #[command(flatten)]
+    record_limit: RecordLimit,
     /// Version of LabComm in FILE.labcomm
     #[arg(long, value_name = "VERSION", default_value = "2014", requires = "record")]
     labcomm_version: LabcommVersion,
@@ -99,7 +103,7 @@ impl Monitor {
 /// Page or recording, which need the machine.
 impl MachineCommand for Monitor {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
-        let to = self.record.clone().map(|to| to.with_version(self.labcomm_version.into()));
+        let to = self.record.clone().map(|to| self.record_limit.of(to).with_version(self.labcomm_version.into()));
         let recording = to.map(|to| Recording::create::<Row<N>, K>(&to, &robot)).transpose()?;
         let kinematics = robot.checksum();
         let tap = recording.map(|recording| tap(recording, kinematics));

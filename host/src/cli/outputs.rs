@@ -1,97 +1,138 @@
-//! Files that a measurement writes: a robot file, and what belongs to it.
+//! Types of the options that name files, and the policy of `gantry_tau::output` over all options of a command.
 
-use std::fs;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
-use gantry_tau::files::write;
+use clap::ArgMatches;
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use gantry_tau::measurements;
+use gantry_tau::output::{Kind, Output, WriteError, check_apart, write_all};
+use gantry_tau::record::RecordTo;
 use gantry_tau::robot_file::AnyRobotFile;
 
-/// A file that is asked for, or not, and its text.
-pub(super) type Asked<'a> = (Option<&'a Path>, &'a str);
+use super::plan;
 
-/// A text beside its target, until all texts are there.
-struct Prepared {
-    target: PathBuf,
-    /// `None`: the target is a device or a pipe, which takes its text directly.
-    beside: Option<PathBuf>,
+/// A file that a command reads.
+#[derive(Clone, Debug)]
+pub(super) struct Input(PathBuf);
+
+/// Something that is built in, or a file that a command reads.
+#[derive(Clone, Debug)]
+pub(super) struct NamedInput(String);
+
+impl From<std::ffi::OsString> for Input {
+    fn from(path: std::ffi::OsString) -> Self {
+        Self(path.into())
+    }
+}
+
+impl From<Input> for PathBuf {
+    fn from(input: Input) -> Self {
+        input.0
+    }
+}
+
+impl Deref for Input {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl From<String> for NamedInput {
+    fn from(name: String) -> Self {
+        Self(name)
+    }
+}
+
+impl From<NamedInput> for String {
+    fn from(name: NamedInput) -> Self {
+        name.0
+    }
+}
+
+impl Deref for NamedInput {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
+}
+
+/// A table of windows that is written row by row, and continued where it exists.
+#[derive(Clone, Debug)]
+pub(super) struct ContinuedTable(PathBuf);
+
+impl From<std::ffi::OsString> for ContinuedTable {
+    fn from(path: std::ffi::OsString) -> Self {
+        Self(path.into())
+    }
+}
+
+impl Deref for ContinuedTable {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        &self.0
+    }
+}
+
+/// Option for a whole file of a kind.
+pub(super) fn file(kind: Kind) -> impl TypedValueParser<Value = Output> {
+    PathBufValueParser::new().map(move |path| Output::new(path, kind))
+}
+
+/// Checks every output that the options of a command name, before the command begins.
+///
+/// # Errors
+/// [`WriteError`].
+pub(super) fn check(matches: &ArgMatches) -> Result<(), WriteError> {
+    let mut matches = matches;
+    while let Some((_, of_command)) = matches.subcommand() {
+        matches = of_command;
+    }
+    let mut outputs: Vec<Output> = values(matches);
+    let planned: Vec<Output> = outputs.iter().flat_map(plan::beside).collect();
+    outputs.extend(planned);
+    let is_forced = matches.try_get_one::<bool>("force").is_ok_and(|force| force == Some(&true));
+    outputs.iter().try_for_each(|output| output.check(is_forced))?;
+    let mut paths: Vec<&Path> = outputs.iter().map(Output::path).collect();
+    let recordings: Vec<RecordTo> = values(matches);
+    paths.extend(recordings.iter().map(RecordTo::path));
+    let tables: Vec<ContinuedTable> = values(matches);
+    paths.extend(tables.iter().map(|table| &**table));
+    let inputs: Vec<PathBuf> = inputs(matches);
+    check_apart(&paths, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+}
+
+/// Files that the options name, and the tables that set-ups among them name. The table of a plan is not an input of `experiment`.
+fn inputs(matches: &ArgMatches) -> Vec<PathBuf> {
+    let mut inputs: Vec<PathBuf> = values::<Input>(matches).into_iter().map(PathBuf::from).collect();
+    if values::<ContinuedTable>(matches).is_empty() {
+        let tables: Vec<PathBuf> = inputs.iter().filter_map(|setup| measurements::table_of(setup)).collect();
+        inputs.extend(tables);
+    }
+    inputs.extend(values::<NamedInput>(matches).into_iter().map(|name| PathBuf::from(name.0)));
+    inputs
+}
+
+/// Values of all options of a type.
+fn values<T: Clone + Send + Sync + 'static>(matches: &ArgMatches) -> Vec<T> {
+    let options = matches.ids().filter_map(|id| matches.try_get_many::<T>(id.as_str()).ok().flatten());
+    options.flatten().cloned().collect()
 }
 
 /// Writes a robot file that can be read, the answer for programs and the page: all of them, or, if one of them cannot be written, none.
 pub(super) fn write_learned(
-    robot_file: &Path,
+    robot_file: &Output,
     text: &str,
-    besides: &[Asked<'_>],
+    besides: &[(Option<&Output>, &str)],
 ) -> Result<(), Box<dyn std::error::Error>> {
-    AnyRobotFile::parse(&robot_file.display().to_string(), text)?;
-    let asked = besides.iter().filter_map(|(path, text)| path.map(|path| (path, *text)));
-    let files: Vec<(&Path, &str)> = asked.chain([(robot_file, text)]).collect();
-    let mut prepared = Vec::new();
-    let written = files.iter().try_for_each(|(path, text)| prepare(path, text, &mut prepared));
-    let written = written.and_then(|()| {
-        prepared.iter().zip(&files).try_for_each(|(Prepared { target, beside }, (_, text))| match beside {
-            Some(beside) => fs::rename(beside, target).map_err(|error| cannot(target, &error)),
-            None => write(target, text).map_err(|error| error.to_string()),
-        })
-    });
-    // What has been renamed is not there any more.
-    prepared.iter().filter_map(|file| file.beside.as_ref()).for_each(|beside| _ = fs::remove_file(beside));
-    Ok(written?)
-}
-
-/// Writes a text beside its target, with the permissions of the file that it replaces.
-fn prepare(path: &Path, text: &str, prepared: &mut Vec<Prepared>) -> Result<(), String> {
-    let old = fs::metadata(path).ok();
-    if old.as_ref().is_some_and(fs::Metadata::is_dir) {
-        return Err(format!("cannot write {}: it is a directory; name a file", path.display()));
-    }
-    // A link stays: the file that it names is replaced.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    if old.as_ref().is_some_and(|old| !old.is_file()) {
-        prepared.push(Prepared { target, beside: None });
-        return Ok(());
-    }
-    if old.as_ref().is_some_and(|old| old.permissions().readonly()) {
-        return Err(format!("cannot write {}: it is read-only", path.display()));
-    }
-    let name = target.file_name().ok_or_else(|| format!("cannot write {}: name a file", path.display()))?;
-    let mut beside = name.to_owned();
-    beside.push(format!(".{}-{}.new", std::process::id(), prepared.len()));
-    let beside = target.with_file_name(beside);
-    prepared.push(Prepared { target, beside: Some(beside.clone()) });
-    fs::write(&beside, text).map_err(|error| cannot(path, &error))?;
-    match old {
-        Some(old) => fs::set_permissions(&beside, old.permissions()).map_err(|error| cannot(path, &error)),
-        None => Ok(()),
-    }
-}
-
-fn cannot(path: &Path, error: &std::io::Error) -> String {
-    format!("cannot write {}: {error}; check its directory", path.display())
+    AnyRobotFile::parse(&robot_file.path().display().to_string(), text)?;
+    let asked = besides.iter().filter_map(|(output, text)| output.map(|output| (output, *text)));
+    Ok(write_all(&asked.chain([(robot_file, text)]).collect::<Vec<_>>())?)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    const L2_TEXT: &str = include_str!("../../../robots/l2.toml");
-
-    /// One target that cannot be written: nothing is, and an old file stays as it was.
-    #[test]
-    fn all_files_are_written_or_none() {
-        let directory = std::env::temp_dir().join(format!("gantry-tau-outputs-{}", std::process::id()));
-        fs::create_dir_all(&directory).unwrap();
-        let (robot, json) = (directory.join("robot.toml"), directory.join("answer.json"));
-        fs::write(&json, "old").unwrap();
-        let missing = directory.join("no").join("page.html");
-        let asked: [Asked<'_>; 2] = [(Some(&json), "new"), (Some(&missing), "page")];
-        let error = write_learned(&robot, L2_TEXT, &asked).unwrap_err().to_string();
-        assert!(error.contains("page.html"), "{error}");
-        assert_eq!(fs::read_to_string(&json).unwrap(), "old");
-        let names = || fs::read_dir(&directory).unwrap().map(|entry| entry.unwrap().file_name()).collect::<Vec<_>>();
-        assert_eq!(names(), ["answer.json"]);
-        write_learned(&robot, L2_TEXT, &asked[..1]).unwrap();
-        assert_eq!(fs::read_to_string(&json).unwrap(), "new");
-        assert_eq!(fs::read_to_string(&robot).unwrap(), L2_TEXT);
-        assert_eq!(names().len(), 2);
-        fs::remove_dir_all(&directory).unwrap();
-    }
-}
+mod tests;

@@ -1,11 +1,11 @@
 //! `gantry-tau plan`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand, ValueEnum};
-use gantry_tau::files::write;
 use gantry_tau::measurements::springs::{Noise, read_gauges};
+use gantry_tau::output::{Kind, Output, write_all};
 use gantry_tau::plan::geometry::{GeometryOptions, PlannedMachine, plan_geometry};
 use gantry_tau::plan::springs::{SpringsOptions, plan_springs};
 use gantry_tau::plan::verify::plan_verify;
@@ -13,6 +13,7 @@ use gantry_tau::plan::{self, Criterion, PlanError, Written};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
+use super::outputs::{Input, NamedInput};
 use super::{Outcome, fail};
 
 /// Plan measurements: straps, gauges and poses that make springs or geometry observable, and how well they will be known
@@ -25,11 +26,11 @@ use super::{Outcome, fail};
 #[derive(Debug, Args)]
 pub(crate) struct Plan {
     #[command(subcommand)]
-    kind: Kind,
+    task: Task,
 }
 
 #[derive(Debug, Subcommand)]
-enum Kind {
+enum Task {
     Springs(Straps),
     Geometry(Geometry),
     Verify(Verify),
@@ -54,56 +55,52 @@ impl From<By> for Criterion {
     }
 }
 
-/// Tables beside a plan, by what they hold.
-const SPRINGS_TABLE: &str = "springs.csv";
-const POSES_TABLE: &str = "poses.csv";
-const VERIFY_TABLE: &str = "verify.csv";
+/// Plan, whose name gives table and sheet theirs.
+fn plan_file(text: &str) -> Result<Output, &'static str> {
+    match Path::new(text).extension() {
+        Some(extension) if extension == "toml" => Ok(Output::new(text, Kind::Plan)),
+        _ => Err("a plan ends in .toml; its table is a .csv, its sheet an .html"),
+    }
+}
+
+/// Table and sheet beside a plan, `f1.csv` and `f1.html` of `f1.toml`; none beside other outputs.
+pub(super) fn beside(plan: &Output) -> Vec<Output> {
+    if plan.kind() != Kind::Plan {
+        return Vec::new();
+    }
+    let named = |extension, kind| Output::new(plan.path().with_extension(extension), kind);
+    vec![named("csv", Kind::Table), named("html", Kind::Sheet)]
+}
 
 /// Machine and output file.
 #[derive(Debug, Args)]
 struct Files {
     /// The machine as it is known: l2 or f1 (built in), or a robot file
     #[arg(value_name = "l2|f1|FILE")]
-    robot: String,
+    robot: NamedInput,
     /// Plan to be written, with the table and the sheet beside it; existing ones are replaced only with --force
-    #[arg(short, value_name = "PLAN.toml")]
-    output: PathBuf,
+    #[arg(short, value_name = "PLAN.toml", value_parser = plan_file)]
+    output: Output,
     /// Replace existing files
     #[arg(long)]
     force: bool,
 }
 
 impl Files {
-    /// Paths of plan, table and sheet; the table beside the plan is named for what it holds.
-    fn paths(&self, table: &str) -> [PathBuf; 3] {
-        [self.output.clone(), self.output.with_file_name(table), self.output.with_extension("html")]
+    /// Name of the table, as the plan has it.
+    fn table(&self) -> String {
+        let table = self.output.path().with_extension("csv");
+        table.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Refuses to replace files, and an output that is its own table or sheet.
-    fn check(&self, table: &str) -> Result<(), String> {
-        let [plan, table, sheet] = self.paths(table);
-        if plan == table || plan == sheet {
-            return Err(format!("{}: a plan ends in .toml; its table is a .csv, its sheet an .html", plan.display()));
-        }
-        let existing = [plan, table, sheet].into_iter().find(|path| path.exists());
-        match existing {
-            Some(path) if !self.force => Err(format!("{} exists; --force replaces it", path.display())),
-            _ => Ok(()),
-        }
-    }
-
-    fn write(&self, table: &str, written: &Written) -> Outcome {
-        let [plan, table, sheet] = self.paths(table);
-        write(&plan, &written.plan)?;
-        write(&table, &written.header)?;
-        write(&sheet, &written.sheet)?;
-        say(format_args!(
-            "{}\n\nplan: {}; table: {}; sheet: {}",
-            written.summary,
-            plan.display(),
-            table.display(),
-            sheet.display()
-        ));
+    fn write(&self, written: &Written) -> Outcome {
+        let beside = beside(&self.output);
+        let texts = [&written.plan, &written.header, &written.sheet];
+        let files = [&self.output].into_iter().chain(&beside).zip(texts.map(String::as_str));
+        write_all(&files.collect::<Vec<_>>())?;
+        let paths: Vec<_> = beside.iter().map(|output| output.path().display().to_string()).collect();
+        let plan = self.output.path().display();
+        say(format_args!("{}\n\nplan: {plan}; table and sheet: {}", written.summary, paths.join(", ")));
         Ok(doubted(&written.doubts))
     }
 }
@@ -120,7 +117,7 @@ struct Bench {
     force_max: f64,
     /// Gauges, a file of [[gauge]] tables as in a set-up; without it six on the platform and one per axis
     #[arg(long, value_name = "FILE.toml")]
-    gauges: Option<PathBuf>,
+    gauges: Option<Input>,
     /// Standard deviation of a gauge's mean over a window, um
     #[arg(long, value_name = "X", default_value_t = Noise::USUAL.gauge_um)]
     noise_um: f64,
@@ -195,10 +192,10 @@ struct Verify {
 struct Check {
     /// The plan, of springs or of poses
     #[arg(value_name = "PLAN.toml")]
-    plan: PathBuf,
+    plan: Input,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(value_name = "l2|f1|FILE")]
-    robot: String,
+    robot: NamedInput,
     /// Ask for the links alone: the springs of the axes are known, or compensation holds the carts
     #[arg(long)]
     links_only: bool,
@@ -206,23 +203,22 @@ struct Check {
 
 impl Plan {
     pub(super) fn run(self) -> Outcome {
-        match self.kind {
-            Kind::Springs(straps) => straps.run(),
-            Kind::Geometry(geometry) => geometry.run(),
-            Kind::Verify(verify) => verify.run(),
-            Kind::Check(check) => check.run(),
+        match self.task {
+            Task::Springs(straps) => straps.run(),
+            Task::Geometry(geometry) => geometry.run(),
+            Task::Verify(verify) => verify.run(),
+            Task::Check(check) => check.run(),
         }
     }
 }
 
 impl Straps {
     fn run(self) -> Outcome {
-        self.files.check(SPRINGS_TABLE)?;
         let written = match AnyRobotFile::named(&self.files.robot)? {
             AnyRobotFile::L2(robot) => self.planned(&robot),
             AnyRobotFile::F1(robot) => self.planned(&robot),
         };
-        self.files.write(SPRINGS_TABLE, &written?)
+        self.files.write(&written?)
     }
 
     fn planned<K: PlannedMachine<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Written, PlanError> {
@@ -233,35 +229,33 @@ impl Straps {
             around_jump: self.around_jump,
             ..self.bench.options(robot)?
         };
-        plan_springs(robot, &options, SPRINGS_TABLE)
+        plan_springs(robot, &options, &self.files.table())
     }
 }
 
 impl Geometry {
     fn run(self) -> Outcome {
-        self.files.check(POSES_TABLE)?;
         let options = GeometryOptions { poses: self.poses, criterion: self.criterion.into(), noise_um: self.noise_um };
         let written = match AnyRobotFile::named(&self.files.robot)? {
-            AnyRobotFile::L2(robot) => plan_geometry(&*robot, &options, POSES_TABLE),
-            AnyRobotFile::F1(robot) => plan_geometry(&*robot, &options, POSES_TABLE),
+            AnyRobotFile::L2(robot) => plan_geometry(&*robot, &options, &self.files.table()),
+            AnyRobotFile::F1(robot) => plan_geometry(&*robot, &options, &self.files.table()),
         };
-        self.files.write(POSES_TABLE, &written?)
+        self.files.write(&written?)
     }
 }
 
 impl Verify {
     fn run(self) -> Outcome {
-        self.files.check(VERIFY_TABLE)?;
         let written = match AnyRobotFile::named(&self.files.robot)? {
             AnyRobotFile::L2(robot) => self.planned(&robot),
             AnyRobotFile::F1(robot) => self.planned(&robot),
         };
-        self.files.write(VERIFY_TABLE, &written?)
+        self.files.write(&written?)
     }
 
     fn planned<K: PlannedMachine<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<Written, PlanError> {
         let options = SpringsOptions { series: self.series, poses: self.poses, ..self.bench.options(robot)? };
-        plan_verify(robot, &options, VERIFY_TABLE)
+        plan_verify(robot, &options, &self.files.table())
     }
 }
 

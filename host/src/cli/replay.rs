@@ -4,9 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::replay::ReplayOptions;
 
 use super::Outcome;
+use super::outputs::{Input, file};
 
 /// Run a black box through the core again and compare every output bit for bit
 ///
@@ -18,27 +20,28 @@ use super::Outcome;
 pub(crate) struct Replay {
     /// Path of the black box
     #[arg(value_name = "FILE")]
-    file: PathBuf,
+    file: Input,
     /// Draw offsets, phases, misses and events over the ticks relative to the cause
     #[arg(long, value_name = "FILE.svg|FILE.html", value_parser = plot)]
-    plot: Option<PathBuf>,
+    plot: Option<Output>,
     /// Write the findings as JSON as well
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
+    json: Option<Output>,
 }
 
 impl Replay {
     pub(crate) fn run(self) -> Outcome {
-        let options = ReplayOptions { file: self.file, plot: self.plot, json: self.json };
+        let options = ReplayOptions { file: self.file.into(), plot: self.plot, json: self.json };
         Ok(ExitCode::from(if gantry_tau::replay::run(&options)? { 0 } else { 3 }))
     }
 }
 
-fn plot(text: &str) -> Result<PathBuf, &'static str> {
+fn plot(text: &str) -> Result<Output, &'static str> {
     let path = PathBuf::from(text);
     let ending = path.extension().and_then(|ending| ending.to_str());
     match ending {
-        Some("svg" | "html") => Ok(path),
+        Some("svg") => Ok(Output::new(path, Kind::Picture)),
+        Some("html") => Ok(Output::new(path, Kind::Page)),
         _ => Err("the name must end in .svg or .html"),
     }
 }

@@ -31,8 +31,10 @@ use gantry_tau::state::{Begun, Environment, FirstRun, LatchFlusher, MachineName,
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::Capabilities;
 
+use super::outputs::{Input, NamedInput};
 use super::plant::PlantChoice;
 use super::publication::PublicationOptions;
+use super::recording::RecordLimit;
 use super::{MachineCommand, Outcome, Pace, address, fail, transport};
 
 /// Run the server with the simulated machine, for this program's client or any other
@@ -57,7 +59,7 @@ pub(crate) struct Serve {
     sensor: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
-    pub(super) robot: String,
+    pub(super) robot: NamedInput,
     /// The machine's drives: simulated, or over EtherCAT behind a network interface; `emulated`: a bus without hardware
     ///
     /// EtherCAT needs the drives in the robot file, [[ethercat.drives]], and a program that was built with it. Drives in fault are
@@ -80,7 +82,7 @@ pub(crate) struct Serve {
     step_seconds: f64,
     /// Walk through the poses of this plan and pull its levels while a session runs, in place of the force steps; for `experiment`
     #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["force_max", "step_seconds", "motion"])]
-    plan: Option<PathBuf>,
+    plan: Option<Input>,
     /// Address of the simulated gauges of a plan
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
     gauges: SocketAddr,
@@ -113,6 +115,8 @@ pub(crate) struct Serve {
     /// MCAP: the same samples as JSON, and the machine as a scene for Foxglove.
     #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
     record: Option<RecordTo>,
+    #[command(flatten)]
+    record_limit: RecordLimit,
     /// Write a black box (the ticks before and after, bit for bit) at each end of a session and each stop, for `gantry-tau replay`
     #[arg(long, value_name = "FOLDER")]
     black_box: Option<PathBuf>,
@@ -215,7 +219,9 @@ impl Serve {
         }
         // Before the machine is touched: a recording that is refused must not cost it a start.
         let mut file = match &self.record {
-            Some(to) => Some(Recording::create::<Row<N>, K>(&self.publications.recorded(to), robot)?),
+            Some(to) => {
+                Some(Recording::create::<Row<N>, K>(&self.record_limit.of(self.publications.recorded(to)), robot)?)
+            }
             None => None,
         };
         let mut black_boxes = None;

@@ -1,17 +1,17 @@
 //! `gantry-tau verify`.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use gantry_tau::files::write;
 use gantry_tau::measurements::springs;
 use gantry_tau::model::MachineKind;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::{CorrectionKind, RobotFile};
 use gantry_tau::terminal::say;
 use gantry_tau::verify::{PredictOptions, VerifyError, predict, prediction_page, verification_page, verify};
 use gantry_tau::workspace;
 
+use super::outputs::{Input, NamedInput, file};
 use super::{MachineCommand, Outcome, fail};
 
 /// Compare what remains of the tool's displacement with compensation against what the robot file predicts
@@ -29,19 +29,19 @@ use super::{MachineCommand, Outcome, fail};
 pub(crate) struct Verify {
     /// Set-up of the measurements
     #[arg(value_name = "MEASURED.toml", required_unless_present = "predict", conflicts_with = "predict")]
-    measured: Option<PathBuf>,
+    measured: Option<Input>,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE")]
-    pub(super) robot: String,
+    pub(super) robot: NamedInput,
     /// Predict the remainder over the workspace instead of reading measurements
     #[arg(long)]
     predict: bool,
     /// Path of the page with the maps
-    #[arg(long, value_name = "PAGE.html")]
-    report: Option<PathBuf>,
+    #[arg(long, value_name = "PAGE.html", value_parser = file(Kind::Page))]
+    report: Option<Output>,
     /// The answer for programs
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
+    json: Option<Output>,
     /// Largest remainder, um: of every measured pair, or what 95 % of the predicted ones stay below
     #[arg(long, value_name = "UM", default_value_t = 20.0)]
     tolerance: f64,
@@ -97,17 +97,17 @@ impl Verify {
         campaign.check_wrist(path, robot.wrist.len())?;
         let verification = verify(robot, &campaign, self.stiffness)?;
         let doubts = verification.doubts(self.tolerance * 1e-6);
-        if let Some(path) = &self.report {
+        if let Some(output) = &self.report {
             let prediction = match predict(robot, &self.options()) {
                 Err(VerifyError::NotIdentified { .. }) => None,
                 prediction => Some(prediction?),
             };
             let home_m = robot.home_m();
             let page = verification_page(&robot.name, &home_m, &verification, prediction.as_ref(), &doubts);
-            write(path, &page)?;
+            output.write(&page)?;
         }
-        if let Some(path) = &self.json {
-            write(path, &serde_json::to_string_pretty(&verification)?)?;
+        if let Some(output) = &self.json {
+            output.write(&serde_json::to_string_pretty(&verification)?)?;
         }
         say(format_args!("{}\n\n{verification}", robot.name));
         Ok(doubts)
@@ -125,11 +125,11 @@ impl Verify {
             CorrectionKind::FirstOrder => "to first order",
             CorrectionKind::Exact => "exact",
         };
-        if let Some(path) = &self.report {
-            write(path, &prediction_page(&robot.name, method, &prediction, &doubts))?;
+        if let Some(output) = &self.report {
+            output.write(&prediction_page(&robot.name, method, &prediction, &doubts))?;
         }
-        if let Some(path) = &self.json {
-            write(path, &prediction.json(K::MODEL)?)?;
+        if let Some(output) = &self.json {
+            output.write(&prediction.json(K::MODEL)?)?;
         }
         say(format_args!("{}, corrections {method}\n\n{summary}", robot.name));
         Ok(doubts)

@@ -7,10 +7,8 @@ mod sampler;
 mod scenario;
 mod table;
 
-use std::path::PathBuf;
-
-use crate::files::{WriteError, write};
 use crate::model::MachineKind;
+use crate::output::{Output, WriteError};
 use crate::plant::Plant;
 use crate::record::RecordTo;
 use crate::robot_file::RobotFile;
@@ -48,13 +46,13 @@ pub struct DemoOptions<K, const N: usize> {
     /// Length of a step, s.
     pub step_seconds: f64,
     /// Path of the report.
-    pub report: PathBuf,
+    pub report: Output,
     /// Path of the numbers as JSON, if wanted.
-    pub json: Option<PathBuf>,
+    pub json: Option<Output>,
     /// Path of the client's recording, if wanted.
     pub record: Option<RecordTo>,
     /// Path of the black box of the pulled cable, if wanted.
-    pub black_box: Option<PathBuf>,
+    pub black_box: Option<Output>,
 }
 
 /// Reason why a demo failed.
@@ -135,8 +133,8 @@ where
     options.check()?;
     // A path that cannot be written is found before the demo, not after it.
     let files = [&options.json, &options.black_box];
-    for path in std::iter::once(&options.report).chain(files.into_iter().flatten()) {
-        write(path, "")?;
+    for output in std::iter::once(&options.report).chain(files.into_iter().flatten()) {
+        output.check(false)?;
     }
     if let Err(denied) = crate::realtime::lock_memory() {
         tracing::warn!("no {}: {}", denied.privilege, denied.reason);
@@ -161,16 +159,16 @@ where
     };
     let results = Results::of(options, pace, &recording);
     say(format_args!("\n{}", table::render(&results)));
-    write(&options.report, &report::render(options, &results, &recording))?;
-    say(format_args!("report: {}", options.report.display()));
-    if let Some(path) = &options.json {
+    options.report.write(&report::render(options, &results, &recording))?;
+    say(format_args!("report: {}", options.report.path().display()));
+    if let Some(output) = &options.json {
         let json = serde_json::to_string_pretty(&results).map_err(|error| DemoError::Failed(error.to_string()))?;
-        write(path, &json)?;
+        output.write(&json)?;
     }
-    if let Some(path) = &options.black_box {
+    if let Some(output) = &options.black_box {
         let lost = || DemoError::Failed("the black box of the pulled cable was not received".to_owned());
         let window = recording.black_box.as_ref().ok_or_else(lost)?;
-        write(path, &window.encode())?;
+        let path = output.write(&window.encode())?;
         let path = path.display();
         say(format_args!("black box of the pulled cable: {path}; gantry-tau replay {path} runs it again"));
     }

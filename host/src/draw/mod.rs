@@ -4,10 +4,8 @@ pub(crate) mod figure;
 pub(crate) mod scene;
 mod svg;
 
-use std::path::PathBuf;
-
-use crate::files::{WriteError, write};
 use crate::model::MachineKind;
+use crate::output::{Output, WriteError};
 use crate::robot_file::{RobotFile, RobotFileError};
 use scene::Scene;
 
@@ -17,7 +15,7 @@ pub struct DrawOptions<K, const N: usize> {
     /// The machine.
     pub robot: RobotFile<K, N>,
     /// Output file.
-    pub svg: PathBuf,
+    pub svg: Output,
     /// Direction from the machine to the viewer about the world's z axis, from +x towards +y, degrees.
     pub azimuth_deg: f64,
     /// The viewer's height above the world's xy plane, degrees.
@@ -53,7 +51,8 @@ pub fn run<K: MachineKind<N>, const N: usize>(options: &DrawOptions<K, N>) -> Re
         return Err(DrawError::Option(text));
     }
     let picture = picture(&options.robot, azimuth.to_radians(), elevation.to_radians())?;
-    Ok(write(&options.svg, &picture)?)
+    options.svg.write(&picture)?;
+    Ok(())
 }
 
 /// Returns the picture of a machine at home, as an `<svg>` element; angles in rad.

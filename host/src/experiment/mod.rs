@@ -53,6 +53,9 @@ pub enum ExperimentError {
         /// The elastic model's error.
         error: ElasticError,
     },
+    /// The table cannot be begun or continued.
+    #[error(transparent)]
+    Output(#[from] crate::output::WriteError),
     /// The table cannot be written.
     #[error("cannot write {path}: {reason}")]
     Write {

@@ -1,7 +1,6 @@
 //! The table of a campaign: one row per window, flushed row by row, continued where it ended.
 
 use std::collections::HashSet;
-use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector6;
@@ -9,6 +8,8 @@ use nalgebra::Vector6;
 use super::ExperimentError;
 use crate::measurements::plan::Plan;
 use crate::measurements::springs::{LOAD, windows_of};
+use crate::measurements::table::present_name;
+use crate::output::GrowingFile;
 
 /// A window as it was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,14 +81,16 @@ impl<const N: usize> Row<N> {
 #[derive(Debug)]
 pub struct Table {
     path: PathBuf,
-    writer: csv::Writer<File>,
+    writer: csv::Writer<GrowingFile>,
+    /// The header, until it is written before the first row.
+    header: Option<Vec<String>>,
     has_sds: bool,
     taken: HashSet<(String, String)>,
     last_s: f64,
 }
 
 impl Table {
-    /// Opens a table, or creates it with its header. Rows that are there stay as they are.
+    /// Opens a table. Rows that are there stay as they are; a table without rows is made with the first one.
     ///
     /// # Errors
     /// [`ExperimentError`]: it cannot be written, or is not a table of this plan.
@@ -107,7 +110,8 @@ impl Table {
         }
         let (mut taken, mut last_s) = (HashSet::new(), 0.0);
         if rows > 0 {
-            let found: Vec<&str> = old.lines().next().unwrap_or_default().split(',').map(str::trim).collect();
+            let columns = old.lines().next().unwrap_or_default().split(',').map(str::trim);
+            let found: Vec<String> = columns.map(present_name).collect();
             if found != expected {
                 return Err(failed(format!("its columns are not those of this plan: {}", expected.join(","))));
             }
@@ -119,14 +123,9 @@ impl Table {
             taken = windows.into_iter().map(|(series, window)| (series, window.window)).collect();
         }
         // A table without rows may come from a plan, which knows less of the columns.
-        let mut options = OpenOptions::new();
-        let options = if rows > 0 { options.append(true) } else { options.write(true).create(true).truncate(true) };
-        let mut writer = csv::WriterBuilder::new().from_writer(options.open(path).map_err(failed_io)?);
-        if rows == 0 {
-            writer.write_record(&expected).map_err(|error| failed(error.to_string()))?;
-            writer.flush().map_err(failed_io)?;
-        }
-        Ok(Self { path: path.to_owned(), writer, has_sds, taken, last_s })
+        let file = if rows > 0 { GrowingFile::continuing(path)? } else { GrowingFile::replacing(path)? };
+        let header = (rows == 0).then_some(expected);
+        Ok(Self { path: path.to_owned(), writer: csv::Writer::from_writer(file), header, has_sds, taken, last_s })
     }
 
     /// True if a window was taken before.
@@ -168,7 +167,9 @@ impl Table {
     /// # Errors
     /// [`ExperimentError::Write`].
     pub fn write<const N: usize>(&mut self, plan: &Plan<N>, row: &Row<N>) -> Result<(), ExperimentError> {
-        let written = self.writer.write_record(row.fields(plan, self.has_sds)).map_err(|error| error.to_string());
+        let header = self.header.take().map_or(Ok(()), |header| self.writer.write_record(header));
+        let written = header.and_then(|()| self.writer.write_record(row.fields(plan, self.has_sds)));
+        let written = written.map_err(|error| error.to_string());
         let written = written.and_then(|()| self.writer.flush().map_err(|error| error.to_string()));
         let path = self.path.display().to_string();
         written.map_err(|reason| ExperimentError::Write { path, reason })?;

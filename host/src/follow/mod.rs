@@ -6,12 +6,10 @@ mod page;
 mod run;
 mod table;
 
-use std::path::PathBuf;
-
 use serde::Serialize;
 
-use crate::files::{WriteError, write};
 use crate::model::MachineKind;
+use crate::output::{Output, WriteError};
 use crate::robot_file::position_loop::MAX_LATENCY_CYCLES;
 use crate::robot_file::{RobotFile, RobotFileError};
 use crate::sim::drive::MAX_DELAY;
@@ -76,9 +74,9 @@ pub struct FollowOptions<K, const N: usize> {
     /// Latency of the loop that the page shows.
     pub latency: Latency,
     /// Path of the page.
-    pub report: PathBuf,
+    pub report: Output,
     /// Path of the numbers as JSON, if wanted.
-    pub json: Option<PathBuf>,
+    pub json: Option<Output>,
 }
 
 /// Error of a comparison.
@@ -151,8 +149,8 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     options: &FollowOptions<K, N>,
 ) -> Result<(String, FollowResults), FollowError> {
     // A path that cannot be written is found before the runs, not after them.
-    for path in std::iter::once(&options.report).chain(&options.json) {
-        write(path, "")?;
+    for output in std::iter::once(&options.report).chain(&options.json) {
+        output.check(false)?;
     }
     let bench = run::Bench::<K, N, M>::new(&options.robot)?;
     let mut latencies = LATENCIES.to_vec();
@@ -171,11 +169,11 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     };
     let text = table::render(&results);
     if let (Some(inside), Some(outside)) = (loops.first(), shown) {
-        write(&options.report, &page::render(&results, &text, &bench.reference_mm(), [inside, outside]))?;
+        options.report.write(&page::render(&results, &text, &bench.reference_mm(), [inside, outside]))?;
     }
-    if let Some(path) = &options.json {
+    if let Some(output) = &options.json {
         let json = serde_json::to_string_pretty(&results).map_err(|error| FollowError::Machine(error.to_string()))?;
-        write(path, &json)?;
+        output.write(&json)?;
     }
     Ok((text, results))
 }

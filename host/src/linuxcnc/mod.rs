@@ -10,8 +10,8 @@ mod tool;
 
 use std::path::PathBuf;
 
-use crate::files::{WriteError, write};
 use crate::model::MachineKind;
+use crate::output::{Output, WriteError};
 use crate::robot_file::{RobotFile, RobotFileError};
 use crate::terminal::say;
 
@@ -27,9 +27,9 @@ pub struct ReportOptions<K, const N: usize> {
     /// Folder of the demonstration: `joints.txt`, `server.txt`, and `said.txt` if it is there.
     pub folder: PathBuf,
     /// Path of the report.
-    pub report: PathBuf,
+    pub report: Output,
     /// Path of the numbers as JSON, if wanted.
-    pub json: Option<PathBuf>,
+    pub json: Option<Output>,
 }
 
 /// Failures of [`run`].
@@ -59,11 +59,11 @@ pub fn run<K: MachineKind<N>, const N: usize>(options: &ReportOptions<K, N>) -> 
     let results = Results::of(&options.robot, &moments);
     let said = std::fs::read_to_string(options.folder.join("said.txt")).unwrap_or_default();
     say(table::render(&results));
-    write(&options.report, &report::render(&results, &moments, &said))?;
-    say(format_args!("report: {}", options.report.display()));
-    if let Some(path) = &options.json {
+    options.report.write(&report::render(&results, &moments, &said))?;
+    say(format_args!("report: {}", options.report.path().display()));
+    if let Some(output) = &options.json {
         // Numbers and strings: nothing that JSON cannot hold.
-        write(path, &serde_json::to_string_pretty(&results).unwrap_or_default())?;
+        output.write(&serde_json::to_string_pretty(&results).unwrap_or_default())?;
     }
     Ok(results)
 }

@@ -11,6 +11,7 @@ use nalgebra::{UnitQuaternion, Vector6};
 
 use super::*;
 use crate::model::{L2, on_path};
+use crate::output::Kind;
 use crate::sim::force_sensor::Mounting;
 
 const FORCE_N: f64 = 300.0;
@@ -96,7 +97,8 @@ impl Played {
         std::fs::write(folder.join("server.txt"), server).unwrap();
         std::fs::write(folder.join("said.txt"), "  1.0 s  a < b\n").unwrap();
         let report: PathBuf = folder.join("report.html");
-        let options = ReportOptions { robot: self.robot.clone(), folder, report: report.clone(), json: None };
+        let options =
+            ReportOptions { robot: self.robot.clone(), folder, report: Output::new(&*report, Kind::Page), json: None };
         (run(&options).unwrap(), std::fs::read_to_string(report).unwrap())
     }
 }

@@ -10,7 +10,7 @@ pub(crate) mod table;
 pub mod tool;
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
@@ -22,12 +22,25 @@ struct Format {
     format: String,
 }
 
+/// Name of the table in a set-up, whatever stands beside it.
+#[derive(Deserialize)]
+struct NamedTable {
+    measurements: String,
+}
+
 /// Returns the format that a set-up states.
 ///
 /// # Errors
 /// [`FileError`].
 pub fn format_of(path: &Path) -> Result<String, FileError> {
     setup::parse::<Format>(path, &setup::text(path)?).map(|format| format.format)
+}
+
+/// Returns the table that a set-up names, if the file is one.
+#[must_use]
+pub fn table_of(path: &Path) -> Option<PathBuf> {
+    let named = setup::parse::<NamedTable>(path, &setup::text(path).ok()?).ok()?;
+    Some(setup::beside(path, &named.measurements))
 }
 
 /// Error of a file of measurements, in one line.

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::springs::{MOST, NamedGauge, Noise, Refused, SeriesEntry, Setup, SetupNoise, check_wrist, read_setup};
 use super::{FileError, MAX_ROWS};
+use crate::output::check_name;
 
 /// Farthest hook from the tool centre point, m.
 const FARTHEST_M: f64 = 10.0;
@@ -139,11 +140,11 @@ impl<const N: usize> Plan<N> {
 
     fn add(&mut self, entry: &SeriesEntry) -> Result<(), Refused> {
         let refused = |key: &str, reason: String| (key.to_owned(), reason);
-        if entry.name.is_empty() || self.series.iter().any(|series| series.name == entry.name) {
-            return Err(refused("name", "is empty, or stands twice".to_owned()));
+        if self.series.iter().any(|series| series.name == entry.name) {
+            return Err(refused("name", "stands twice".to_owned()));
         }
-        if entry.mounting.is_empty() {
-            return Err(refused("mounting", "is empty".to_owned()));
+        for (key, name) in [("name", &entry.name), ("mounting", &entry.mounting)] {
+            check_name(name).map_err(|error| refused(key, error.to_string()))?;
         }
         let Some(pose) = self.poses.iter().position(|(name, _)| *name == entry.pose) else {
             return Err(refused("pose", format!("{:?} is not in the set-up", entry.pose)));

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::table::{self, Row, Table};
 use super::{FileError, setup};
 use crate::geometry::MeasuredPose;
+use crate::output::check_name;
 
 mod plan;
 
@@ -193,8 +194,9 @@ fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<MeasuredPose<N>
     let mut names = std::collections::HashSet::new();
     table.rows(|row| {
         let name = row.text("pose").to_owned();
-        if name.is_empty() || !names.insert(name.clone()) {
-            return Err(row.error("pose", format_args!("{name:?} is empty, or stands twice")));
+        check_name(&name).map_err(|error| row.error("pose", error))?;
+        if !names.insert(name.clone()) {
+            return Err(row.error("pose", format_args!("{name:?} stands twice")));
         }
         let mut q = [0.0; N];
         for (q, column) in q.iter_mut().zip(&axes) {

@@ -41,6 +41,15 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     Ok(bytes)
 }
 
+/// Returns the present name of a column: until version 0.1 moments ended in `_nm`, which is nanometres elsewhere.
+pub(crate) fn present_name(column: &str) -> String {
+    let axis = column.strip_prefix("sensor_").unwrap_or(column).strip_prefix("moment_");
+    match axis.and_then(|axis| axis.strip_suffix("_nm")) {
+        Some("x" | "y" | "z") => column.trim_end_matches("_nm").to_owned() + "_n_m",
+        _ => column.to_owned(),
+    }
+}
+
 impl<R: Read> Table<R> {
     /// Reads the header of a table, which `path` names. It must have the columns `required`; others must be `known`.
     pub(crate) fn begin(
@@ -52,7 +61,7 @@ impl<R: Read> Table<R> {
         let name = path.display().to_string();
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
         let header: Vec<String> =
-            reader.headers().map_err(|error| FileError::whole(&name, error))?.iter().map(str::to_owned).collect();
+            reader.headers().map_err(|error| FileError::whole(&name, error))?.iter().map(present_name).collect();
         for (index, column) in header.iter().enumerate() {
             if header.iter().take(index).any(|other| other == column) {
                 return Err(FileError::at(&name, 1, column, "this column stands twice"));

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::springs::{LOAD, MOST, NOISE, axis_columns};
 use super::table::{self, Table};
 use super::{FileError, setup};
+use crate::output::check_name;
 
 /// First line of a set-up.
 pub const FORMAT: &str = "gantry-tau tool 1";
@@ -117,8 +118,9 @@ fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<ToolReading<N>>
     Table::begin(path, bytes, &required, |_| false)?.rows(|row| {
         let [most_q, _, most_n, most_nm, _] = MOST;
         let name = row.text("pose").to_owned();
-        if name.is_empty() || !names.insert(name.clone()) {
-            return Err(row.error("pose", format_args!("{name:?} is empty, or stands twice")));
+        check_name(&name).map_err(|error| row.error("pose", error))?;
+        if !names.insert(name.clone()) {
+            return Err(row.error("pose", format_args!("{name:?} stands twice")));
         }
         let mut q = [0.0; N];
         for (q, column) in q.iter_mut().zip(&axes) {

@@ -113,7 +113,11 @@ impl Monitor {
             None if Instant::now() < self.retry => return Ok(()),
             None => {
                 self.heard = Instant::now();
-                Stream::connect(&self.server)?
+                let stream = Stream::connect(&self.server)?;
+                if let Some(tap) = &mut self.tap {
+                    tap.connected();
+                }
+                stream
             }
         };
         let mut happened = Vec::new();

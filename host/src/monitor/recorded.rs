@@ -20,6 +20,9 @@ const PER_ROW: usize = 4;
 
 /// Takes what a monitor receives.
 pub trait Tap {
+    /// Takes note that what follows comes over another connection, from a server that may have been started again.
+    fn connected(&mut self);
+
     /// Takes an event. Those of a tick come before or after it.
     fn happened(&mut self, event: &Happened);
 
@@ -84,6 +87,15 @@ impl<const N: usize> Recorder<N> {
 }
 
 impl<const N: usize> Tap for Recorder<N> {
+    /// Another connection begins another file, so that time never goes back in one, and two runs never share one.
+    fn connected(&mut self) {
+        self.write();
+        self.events.clear();
+        if let Some(recorded) = self.recording.begin_next() {
+            tracing::info!("{recorded}; the next connection begins another file");
+        }
+    }
+
     fn happened(&mut self, happened: &Happened) {
         if self.events.len() == WAITING {
             self.lost = self.lost.saturating_add(1);

@@ -9,7 +9,7 @@ use crate::plant::{DriveState, ToolReading};
 use crate::publication::Samples;
 use crate::server::cycle::Row;
 
-const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_n_m", "moment_y_n_m", "moment_z_n_m"];
 
 /// Name and value of a column.
 type Column = (&'static str, fn(&AxisState) -> i64);
@@ -29,7 +29,8 @@ const AXIS: [Column; 9] = [
 
 /// Columns common to all recordings, from the State.
 fn state_header(axes: usize) -> Vec<String> {
-    let mut header: Vec<String> = ["tick", "state", "cause", "missed", "ramp_ticks_left"].map(str::to_owned).into();
+    let mut header: Vec<String> =
+        ["tick", "time_s", "state", "cause", "missed", "ramp_ticks_left"].map(str::to_owned).into();
     for axis in 1..=axes {
         header.extend(AXIS.map(|(name, _)| name.replace("{}", &axis.to_string())));
     }
@@ -39,6 +40,7 @@ fn state_header(axes: usize) -> Vec<String> {
 fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
     let mut fields = vec![
         state.tick.0.to_string(),
+        seconds(state.tick.0),
         state.phase.name().to_owned(),
         state.cause.name().to_owned(),
         state.counters.missed.to_string(),
@@ -48,6 +50,11 @@ fn state_fields<const N: usize>(state: &State<N>) -> Vec<String> {
         fields.extend(AXIS.map(|(_, value)| value(axis).to_string()));
     }
     fields
+}
+
+/// Time of a tick, s since the server started: a tick is 1 ms of its own time, in lock-step too.
+fn seconds(tick: u64) -> String {
+    format!("{}.{:03}", tick / 1_000, tick % 1_000)
 }
 
 /// Names of a vector's three columns; the axis stands for `{}`.

@@ -1,9 +1,11 @@
 //! CSV: one row per line, units in the header.
 
-use std::fs::File;
-use std::path::Path;
+use std::io;
 
-use super::{RecordError, Recorded, Tally};
+use crate::output::GrowingFile;
+
+/// Room for a row: each is written whole, so that the file ends with a whole line whenever the process ends.
+const LONGEST_ROW: usize = 1 << 16;
 
 /// One row of a recording.
 pub trait Record: Copy + Send + 'static {
@@ -13,45 +15,16 @@ pub trait Record: Copy + Send + 'static {
     fn fields(&self) -> Vec<String>;
 }
 
-/// CSV file. After its first failure (for instance a full disk) it only counts lost rows.
-#[derive(Debug)]
-pub struct CsvFile {
-    tally: Tally,
-    writer: csv::Writer<File>,
-}
-
-impl CsvFile {
-    /// Creates the file and writes the header of `T`.
-    ///
-    /// # Errors
-    /// [`RecordError`] naming the path and the reason.
-    pub fn create<T: Record>(path: &Path) -> Result<Self, RecordError> {
-        let fail = |reason: String| RecordError { path: path.to_owned(), reason };
-        let writer = create::<T>(path).map_err(|error| fail(error.to_string()))?;
-        Ok(Self { tally: Tally::of(path), writer })
-    }
-
-    /// Writes a row.
-    pub fn write<T: Record>(&mut self, row: &T) {
-        let writer = &mut self.writer;
-        self.tally.count(|| put(writer, row));
-    }
-
-    /// Flushes, and adds the rows that the queue dropped.
-    #[must_use]
-    pub fn finish(mut self, dropped: u64) -> Recorded {
-        self.tally.finish(self.writer.flush(), dropped)
-    }
-}
-
-/// Creates a file with the header of `T`.
-pub(super) fn create<T: Record>(path: &Path) -> csv::Result<csv::Writer<File>> {
-    let mut writer = csv::Writer::from_writer(File::create(path)?);
+/// Begins a table with the header of `T`.
+pub(super) fn create<T: Record>(file: GrowingFile) -> io::Result<csv::Writer<GrowingFile>> {
+    let mut writer = csv::WriterBuilder::new().buffer_capacity(LONGEST_ROW).from_writer(file);
     writer.write_record(T::header())?;
+    writer.flush()?;
     Ok(writer)
 }
 
 /// Writes a row.
-pub(super) fn put<T: Record>(writer: &mut csv::Writer<File>, row: &T) -> std::io::Result<()> {
-    writer.write_record(row.fields()).map_err(std::io::Error::from)
+pub(super) fn put<T: Record>(writer: &mut csv::Writer<GrowingFile>, row: &T) -> io::Result<()> {
+    writer.write_record(row.fields())?;
+    writer.flush()
 }

@@ -1,11 +1,10 @@
 //! A recording as a stream of LabComm.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::io::{self, Write};
 
 use gantry_tau_labcomm::Version;
 
+use crate::output::GrowingFile;
 use crate::publication::{SampleName, Samples, Ticks};
 use crate::server::event_log::Event;
 
@@ -13,18 +12,17 @@ use crate::server::event_log::Event;
 pub(super) const NAMES: [SampleName; 5] =
     [SampleName::Axes, SampleName::State, SampleName::Tool, SampleName::SessionEvent, SampleName::Drives];
 
-/// File of one stream.
+/// File of one stream. Each tick is written whole, so that the stream ends between two events whenever the process ends.
 #[derive(Debug)]
 pub(super) struct LabcommFile {
-    file: BufWriter<File>,
+    file: GrowingFile,
     ticks: Ticks,
 }
 
 impl LabcommFile {
-    /// Creates the file, with version and definitions for `N` axes.
-    pub(super) fn create<const N: usize>(path: &Path, version: Version) -> io::Result<Self> {
+    /// Begins the file, with version and definitions for `N` axes.
+    pub(super) fn create<const N: usize>(mut file: GrowingFile, version: Version) -> io::Result<Self> {
         let ticks = Ticks::of::<N>(version, &NAMES)?;
-        let mut file = BufWriter::new(File::create(path)?);
         file.write_all(ticks.preamble())?;
         Ok(Self { file, ticks })
     }
@@ -33,7 +31,7 @@ impl LabcommFile {
         self.file.write_all(self.ticks.encode(samples, events, None))
     }
 
-    pub(super) fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+    pub(super) fn sync(&mut self) -> io::Result<()> {
+        self.file.sync()
     }
 }

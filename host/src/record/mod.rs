@@ -1,19 +1,24 @@
 //! Recordings: one row per tick, written by a separate thread `[T 5.1.2]`, as CSV, as a stream of LabComm or as MCAP.
 
+mod about;
 mod columns;
 mod csv_file;
 mod labcomm_file;
 mod mcap;
 mod recording;
+mod room;
 mod seen;
 mod tally;
 
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+pub use about::About;
 pub use columns::ClientRow;
-pub use csv_file::{CsvFile, Record};
+pub use csv_file::Record;
+pub use mcap::{RecoverError, Recovered, recover};
 pub use recording::{ParseFormatError, RecordTo, Recording, TickRow};
+pub use room::Full;
 pub use seen::Seen;
 use tally::Tally;
 pub use tally::{RecordError, Recorded};

@@ -1,18 +1,20 @@
 //! A recording in the format that its file's name asks for.
 
-use std::fs::File;
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use gantry_tau_labcomm::Version;
 
-use super::csv_file;
+use super::about::{About, ENDING};
 use super::labcomm_file::LabcommFile;
 use super::mcap::McapFile;
-use super::{Record, RecordError, Recorded, Tally};
+use super::room::Room;
+use super::{Record, RecordError, Recorded, Tally, csv_file};
 use crate::draw::figure::Machine;
 use crate::model::MachineKind;
+use crate::output::GrowingFile;
 use crate::publication::Samples;
 use crate::robot_file::RobotFile;
 use crate::server::event_log::Event;
@@ -31,12 +33,13 @@ enum Format {
     Mcap,
 }
 
-/// File of a recording, whose extension names the format, and the version of LabComm for that format.
+/// File of a recording, whose extension names the format, its largest size, and the version of LabComm for that format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordTo {
     path: PathBuf,
     format: Format,
     version: Version,
+    limit: Option<u64>,
 }
 
 /// A file name without a known extension.
@@ -55,41 +58,64 @@ impl FromStr for RecordTo {
             Some("mcap") => Format::Mcap,
             _ => return Err(ParseFormatError),
         };
-        Ok(Self { path, format, version: Version::V2014 })
+        Ok(Self { path, format, version: Version::V2014, limit: None })
     }
 }
 
 impl RecordTo {
+    /// Path that is asked for; a recording gets another one if it is taken.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Sets the version of LabComm, which is 2014 otherwise.
     #[must_use]
     pub fn with_version(self, version: Version) -> Self {
         Self { version, ..self }
     }
 
-    /// The file.
+    /// Ends the recording at this size, bytes.
     #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
+    pub fn with_limit(self, limit: Option<u64>) -> Self {
+        Self { limit, ..self }
     }
 }
 
-/// File of a recording. After its first failure (for instance a full disk) it only counts lost rows.
-#[derive(Debug)]
+/// Opens the next file of a recording.
+type Open = Box<dyn FnMut() -> io::Result<(PathBuf, Writer)> + Send>;
+
+/// A recording. Its file is made with the first row, under a name that is free: `FILE.csv`, or else `FILE-2.csv` and so on. After its first
+/// failure (for instance a full disk) it only counts lost rows.
 pub struct Recording<const N: usize> {
-    path: PathBuf,
+    /// Path that was asked for.
+    asked: PathBuf,
+    limit: Option<u64>,
+    open: Open,
+    file: Option<OpenFile>,
     tally: Tally,
+}
+
+struct OpenFile {
     writer: Writer,
+    room: Room,
+}
+
+impl<const N: usize> fmt::Debug for Recording<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Recording").field("asked", &self.asked).field("tally", &self.tally).finish_non_exhaustive()
+    }
 }
 
 #[derive(Debug)]
 enum Writer {
-    Csv(Box<csv::Writer<File>>),
+    Csv(Box<csv::Writer<GrowingFile>>),
     Labcomm(LabcommFile),
     Mcap(Box<McapFile>),
 }
 
 impl<const N: usize> Recording<N> {
-    /// Creates the file of a recording of rows `T` of a machine, which MCAP draws.
+    /// Prepares a recording of rows `T` of a machine, which MCAP draws. No file is made yet; a device or a pipe is opened.
     ///
     /// # Errors
     /// [`RecordError`] naming the path and the reason.
@@ -97,17 +123,53 @@ impl<const N: usize> Recording<N> {
         to: &RecordTo,
         robot: &RobotFile<K, N>,
     ) -> Result<Self, RecordError> {
-        let path = to.path.clone();
-        match Writer::create::<T, K, N>(to, robot) {
-            Ok(writer) => Ok(Self { tally: Tally::of(&path), path, writer }),
-            Err(error) => Err(RecordError { path, reason: error.to_string() }),
+        let failed = |reason: String| RecordError { path: to.path.clone(), reason };
+        let file = GrowingFile::fresh(&to.path, None).map_err(|error| failed(error.to_string()))?;
+        let is_stream = file.is_open();
+        let mut stream = is_stream.then_some(file);
+        let (of, robot) = (to.clone(), robot.clone());
+        let open: Open = Box::new(move || {
+            let mut file = match stream.take() {
+                Some(stream) => stream,
+                None => GrowingFile::fresh(&of.path, Some(ENDING)).map_err(io::Error::other)?,
+            };
+            file.open()?;
+            let path = file.path().to_owned();
+            let about = About::now(&robot);
+            if of.format != Format::Mcap {
+                about.write_beside(&path)?;
+            }
+            Ok((path, Writer::create::<T, K, N>(&of, &robot, file, &about)?))
+        });
+        let mut recording =
+            Self { asked: to.path.clone(), limit: to.limit, open, file: None, tally: Tally::of(&to.path) };
+        if is_stream {
+            recording.begin();
         }
+        Ok(recording)
     }
 
-    /// Path of the file.
+    /// Path of the file, or, before its first row, the one that was asked for.
     #[must_use]
     pub fn path(&self) -> &Path {
-        &self.path
+        self.tally.path()
+    }
+
+    /// Makes the file. What cannot be written costs the recording, and no session.
+    fn begin(&mut self) {
+        match (self.open)() {
+            Ok((path, writer)) => {
+                if path != self.asked {
+                    tracing::info!("{} exists; recording to {}", self.asked.display(), path.display());
+                }
+                self.tally.at(&path);
+                self.file = Some(OpenFile { writer, room: Room::of(&path, self.limit) });
+            }
+            Err(error) => {
+                tracing::warn!("recording {}: {error}", self.asked.display());
+                self.tally.fail(&error);
+            }
+        }
     }
 
     /// True if the recording draws the machine.
@@ -117,22 +179,40 @@ impl<const N: usize> Recording<N> {
 
     /// Writes a row, and what happened in its tick.
     pub fn write<T: TickRow<N>>(&mut self, row: &T, events: &[Event]) {
-        let writer = &mut self.writer;
-        self.tally.count(|| match writer {
-            Writer::Csv(writer) => csv_file::put(writer, row),
-            Writer::Labcomm(file) => file.write(&row.samples(), events),
-            Writer::Mcap(file) => file.write(&row.samples(), events),
-        });
+        if self.file.is_none() && !self.tally.counts_alone() {
+            self.begin();
+        }
+        let Some(OpenFile { writer, room }) = self.file.as_mut().filter(|_| !self.tally.counts_alone()) else {
+            self.tally.lose();
+            return;
+        };
+        self.tally.count(|| writer.write(row, events));
+        if let Some(full) = room.full() {
+            tracing::warn!("recording {}: {full}; it ends here", self.path().display());
+            let finished = self.finish_file();
+            self.tally.end(full, finished);
+        }
+    }
+
+    fn finish_file(&mut self) -> io::Result<()> {
+        self.file.take().map_or(Ok(()), |mut file| file.writer.finish())
+    }
+
+    /// Completes the file; the next row begins another one. `None` if it has no rows.
+    pub fn begin_next(&mut self) -> Option<Recorded> {
+        if self.file.is_none() && self.tally.is_empty() {
+            return None;
+        }
+        let finished = self.finish_file();
+        let recorded = self.tally.finish(finished, 0);
+        self.tally = Tally::of(&self.asked);
+        Some(recorded)
     }
 
     /// Completes the file, and adds the rows that the queue dropped.
     #[must_use]
     pub fn finish(mut self, dropped: u64) -> Recorded {
-        let finished = match &mut self.writer {
-            Writer::Csv(writer) => writer.flush(),
-            Writer::Labcomm(file) => file.flush(),
-            Writer::Mcap(file) => file.finish(),
-        };
+        let finished = self.finish_file();
         self.tally.finish(finished, dropped)
     }
 }
@@ -141,14 +221,32 @@ impl Writer {
     fn create<T: TickRow<N>, K: MachineKind<N>, const N: usize>(
         to: &RecordTo,
         robot: &RobotFile<K, N>,
+        file: GrowingFile,
+        about: &About,
     ) -> io::Result<Self> {
         match to.format {
-            Format::Csv => Ok(Self::Csv(Box::new(csv_file::create::<T>(&to.path)?))),
-            Format::Labcomm => Ok(Self::Labcomm(LabcommFile::create::<N>(&to.path, to.version)?)),
+            Format::Csv => Ok(Self::Csv(Box::new(csv_file::create::<T>(file)?))),
+            Format::Labcomm => Ok(Self::Labcomm(LabcommFile::create::<N>(file, to.version)?)),
             Format::Mcap => {
                 let machine = Machine::new(robot.clone()).map_err(io::Error::other)?;
-                Ok(Self::Mcap(Box::new(McapFile::create::<N>(&to.path, &robot.name, Box::new(machine))?)))
+                Ok(Self::Mcap(Box::new(McapFile::create::<N>(file, about, Box::new(machine))?)))
             }
+        }
+    }
+
+    fn write<T: TickRow<N>, const N: usize>(&mut self, row: &T, events: &[Event]) -> io::Result<()> {
+        match self {
+            Self::Csv(writer) => csv_file::put(writer, row),
+            Self::Labcomm(file) => file.write(&row.samples(), events),
+            Self::Mcap(file) => file.write(&row.samples(), events),
+        }
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        match self {
+            Self::Csv(writer) => writer.flush(),
+            Self::Labcomm(file) => file.sync(),
+            Self::Mcap(file) => file.finish(),
         }
     }
 }

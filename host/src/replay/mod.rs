@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::black_box::loops::{self, LoopsWindow};
 use crate::black_box::{self, Window};
-use crate::files::write;
+use crate::output::{self, Kind};
 use crate::terminal::say;
 use picture::Picture;
 
@@ -23,10 +23,10 @@ const NO_END: &str = "the window has no end of a session";
 pub struct ReplayOptions {
     /// Path of the black box.
     pub file: PathBuf,
-    /// Path of its picture, if wanted: an SVG, or a page if the name ends in `.html`.
-    pub plot: Option<PathBuf>,
+    /// Its picture, if wanted: an SVG, or a page.
+    pub plot: Option<output::Output>,
     /// Path of the findings as JSON, if wanted.
-    pub json: Option<PathBuf>,
+    pub json: Option<output::Output>,
 }
 
 /// Findings of a replay. The JSON layout is stable: fields are added, never renamed.
@@ -74,7 +74,7 @@ pub struct Difference {
 /// Replays a file, prints the findings, writes the files that are wanted. Returns true if all outputs agree.
 ///
 /// # Errors
-/// The file is not a black box ([`black_box::FileError`]), or a file cannot be written ([`crate::files::WriteError`]).
+/// The file is not a black box ([`black_box::FileError`]), or a file cannot be written ([`crate::output::WriteError`]).
 pub fn run(options: &ReplayOptions) -> Result<bool, Box<dyn Error>> {
     let name = options.file.display().to_string();
     let bytes = black_box::bytes(&options.file)?;
@@ -115,16 +115,15 @@ fn examine<const N: usize>(options: &ReplayOptions, name: &str, bytes: &[u8]) ->
     let findings = Findings::of(&window);
     let summary = format!("{name}\n{findings}");
     say(&summary);
-    if let Some(path) = &options.plot {
+    if let Some(plot) = &options.plot {
         let picture = Picture::of(&window, &findings);
-        let is_page = path.extension().is_some_and(|ending| ending == "html");
-        let text = if is_page { picture.page(&summary) } else { picture.svg(name) };
-        write(path, &text)?;
+        let is_page = plot.kind() == Kind::Page;
+        plot.write(&if is_page { picture.page(&summary) } else { picture.svg(name) })?;
     }
-    if let Some(path) = &options.json {
+    if let Some(answer) = &options.json {
         let json = serde_json::to_string_pretty(&findings);
         let json = json.unwrap_or_else(|error| error.to_string());
-        write(path, &json)?;
+        answer.write(&json)?;
     }
     Ok(findings.difference.is_none())
 }

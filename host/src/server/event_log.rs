@@ -35,6 +35,18 @@ impl EventKind {
         }
     }
 
+    /// Name for tables and schemas.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Granted => "granted",
+            Self::Refused => "refused",
+            Self::Ended => "ended",
+            Self::Phase => "phase changed",
+            Self::MachineFailed => "machine failed",
+        }
+    }
+
     /// Kind of a code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {

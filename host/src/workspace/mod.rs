@@ -5,13 +5,11 @@ mod picture;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::PathBuf;
 
 use gantry_tau_core::model::kinematics::KinematicsError;
 
-use crate::files::{WriteError, write};
 use crate::model::MachineKind;
-use crate::record::{CsvFile, Record, RecordError};
+use crate::output::{Output, WriteError, write_all};
 use crate::robot_file::RobotFile;
 use crate::terminal::progress_bar;
 
@@ -30,9 +28,9 @@ pub struct WorkspaceOptions<K, const N: usize> {
     /// Steps along the longest side of the grid, within [`CELLS`].
     pub cells: u32,
     /// Path of the page with the maps.
-    pub plot: PathBuf,
+    pub plot: Output,
     /// Path of the table: one row per place.
-    pub csv: PathBuf,
+    pub csv: Output,
 }
 
 /// Results at every place of a grid.
@@ -73,12 +71,9 @@ pub enum WorkspaceError {
     /// `cells` is out of [`CELLS`].
     #[error("--cells is {cells}; expected from {from} to {to}", cells = .0, from = CELLS.start(), to = CELLS.end())]
     Cells(u32),
-    /// The table cannot be written.
+    /// Page or table cannot be written.
     #[error(transparent)]
-    Csv(#[from] RecordError),
-    /// The page cannot be written.
-    #[error(transparent)]
-    Plot(#[from] WriteError),
+    File(#[from] WriteError),
 }
 
 /// Runs a survey, and writes table and page.
@@ -90,20 +85,14 @@ pub fn run<K: MachineKind<N>, const N: usize>(options: &WorkspaceOptions<K, N>) 
         return Err(WorkspaceError::Cells(options.cells));
     }
     // A path that cannot be written is found before the survey, not after it.
-    write(&options.plot, "")?;
-    let mut table = CsvFile::create::<Place<N>>(&options.csv)?;
+    options.plot.check(false)?;
+    options.csv.check(false)?;
     let grid = Grid::of(&options.robot, options.cells);
     let bar = progress_bar(grid.count(), "places");
-    let survey = survey(&options.robot, grid, |place| {
-        table.write(place);
-        bar.inc(1);
-    });
+    let survey = survey(&options.robot, grid, |_| bar.inc(1));
     bar.finish_and_clear();
-    if let Some(failure) = table.finish(0).failure {
-        return Err(failure.into());
-    }
     let summary = survey.summary();
-    write(&options.plot, &picture::page(&survey, &summary))?;
+    write_all(&[(&options.csv, &survey.table()), (&options.plot, &picture::page(&survey, &summary))])?;
     Ok(summary)
 }
 
@@ -123,6 +112,12 @@ pub fn survey<K: MachineKind<N>, const N: usize>(
 }
 
 impl<const N: usize> Survey<N> {
+    /// Returns the table: a row per place. Numbers and codes, nothing that CSV would quote.
+    fn table(&self) -> String {
+        let rows = self.places.iter().map(Place::fields);
+        [Place::<N>::header()].into_iter().chain(rows).map(|row| row.join(",") + "\n").collect()
+    }
+
     /// Returns the summary.
     #[must_use]
     pub fn summary(&self) -> Summary {
@@ -176,7 +171,8 @@ impl fmt::Display for Summary {
     }
 }
 
-impl<const N: usize> Record for Place<N> {
+impl<const N: usize> Place<N> {
+    /// Names of the columns, with units.
     fn header() -> Vec<String> {
         let names = ["x_m", "y_m", "z_m", "code", "condition", "compliance_um_per_n"];
         let mut header: Vec<String> = names.map(str::to_owned).into();

@@ -69,7 +69,8 @@ fn identified_springs_leave_a_percent() {
     assert_eq!(folder.read("verify.toml").matches("compensated = true").count(), 20);
 
     verified(&folder, "my-l2.toml", seed);
-    let verify = ["verify", "verify.toml", "--robot", "my-l2.toml", "--json", "verify.json", "--report", "verify.html"];
+    let verify =
+        ["verify", "verify.toml", "--robot", "my-l2.toml", "--json", "verify.json", "--report", "verified.html"];
     folder.run(&verify).success();
     let json: Value = serde_json::from_str(&folder.read("verify.json")).unwrap();
     let judged = |key: &str| json["judged"][key].as_f64().unwrap();

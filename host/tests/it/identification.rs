@@ -94,13 +94,13 @@ fn a_drift_needs_the_time_of_every_window() {
 
 /// A campaign of the simulated L2 in a folder.
 fn campaign(folder: &Folder) -> [String; 2] {
-    folder.run(&["plan", "springs", "l2", "-o", "campaign.toml"]).success();
-    folder.run(&["experiment", "campaign.toml", "--robot", "l2", "--simulated", "3", "-o", "springs.csv"]).success();
-    [folder.read("campaign.toml"), folder.read("springs.csv")]
+    folder.run(&["plan", "springs", "l2", "-o", "springs.toml"]).success();
+    folder.run(&["experiment", "springs.toml", "--robot", "l2", "--simulated", "3", "-o", "springs.csv"]).success();
+    [folder.read("springs.toml"), folder.read("springs.csv")]
 }
 
 fn identify(folder: &Folder) -> Ended {
-    folder.run(&["identify", "campaign.toml", "--robot", "l2", "-o", "found.toml", "--json", "found.json"])
+    folder.run(&["identify", "springs.toml", "--robot", "l2", "-o", "found.toml", "--json", "found.json"])
 }
 
 /// Changes a column of a table, row by row; the rows are counted from 0, without the header.
@@ -122,7 +122,7 @@ fn campaigns_that_cannot_be_are_one_line_and_nothing_is_written() {
     let folder = Folder::new("identify-bad");
     let [setup, table] = campaign(&folder);
     let refused = |setup: &str, table: &str, words: &[&str]| {
-        folder.write("campaign.toml", setup);
+        folder.write("springs.toml", setup);
         folder.write("springs.csv", table);
         let line = identify(&folder).failure(1);
         assert!(words.iter().all(|word| line.contains(word)), "{line}");
@@ -140,11 +140,15 @@ fn campaigns_that_cannot_be_are_one_line_and_nothing_is_written() {
         columns.iter().fold(table.to_owned(), |table, column| changed(&table, column, |_, value| value * factor))
     };
     refused(&setup, &of(&forces, &table, 1.0 / 9.80665), &["springs.csv:2: force_x_n, force_y_n, force_z_n:", "in kg"]);
-    let moments = ["moment_x_nm", "moment_y_nm", "moment_z_nm"];
-    refused(&setup, &of(&moments, &table, 1e3), &["springs.csv:2: moment_x_nm, moment_y_nm, moment_z_nm:", "in N mm"]);
+    let moments = ["moment_x_n_m", "moment_y_n_m", "moment_z_n_m"];
+    refused(
+        &setup,
+        &of(&moments, &table, 1e3),
+        &["springs.csv:2: moment_x_n_m, moment_y_n_m, moment_z_n_m:", "in N mm"],
+    );
     let whole = of(&moments, &of(&forces, &table, -1.0), -1.0);
     refused(&setup, &whole, &["springs.csv:2: force_x_n, ", "the wrench has the wrong sign"]);
-    let slack = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+    let slack = ["force_x_n", "force_y_n", "force_z_n", "moment_x_n_m", "moment_y_n_m", "moment_z_n_m"];
     let slack = slack
         .iter()
         .fold(table.clone(), |table, column| changed(&table, column, |row, value| if row < 11 { 0.0 } else { value }));
@@ -155,7 +159,7 @@ fn campaigns_that_cannot_be_are_one_line_and_nothing_is_written() {
     refused(&setup, &format!("{table}{second}\n"), &["springs.csv:", ": window: \"2\"", "is a copy of line 3"]);
     let cut = table.trim_end().rsplit_once(',').unwrap().0;
     refused(&setup, cut, &["springs.csv:", "values for", "columns; complete it, or remove it"]);
-    let robot = folder.run(&["identify", "campaign.toml", "--robot", "f1", "-o", "found.toml"]).failure(1);
+    let robot = folder.run(&["identify", "springs.toml", "--robot", "f1", "-o", "found.toml"]).failure(1);
     assert!(robot.contains("model: is \"l2\", and the robot file's is \"f1\""), "{robot}");
     folder.write("found.toml", "kept");
     folder.write("springs.csv", &table);
@@ -202,9 +206,9 @@ fn repeats_reject_a_bow_where_the_noise_is_not_taken_as_stated() {
     let [setup, table] = campaign(&folder);
     let options = ["--scale", "--hysteresis", "--two-regimes", "--report", "page.html", "--force"];
     let identify = |setup: &str, table: &str, options: &[&str]| {
-        folder.write("campaign.toml", setup);
+        folder.write("springs.toml", setup);
         folder.write("springs.csv", table);
-        let command = ["identify", "campaign.toml", "--robot", "l2", "-o", "found.toml", "--json", "found.json"];
+        let command = ["identify", "springs.toml", "--robot", "l2", "-o", "found.toml", "--json", "found.json"];
         folder.run(&[&command[..], options].concat())
     };
     let said = identify(&setup, &table, &options).success();

@@ -5,6 +5,7 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
+    clippy::disallowed_methods,
     reason = "tests fail by panicking"
 )]
 
@@ -30,6 +31,7 @@ mod monitor;
 mod operator;
 #[cfg(unix)]
 mod ownership;
+mod outputs;
 mod plan;
 #[cfg(target_os = "linux")]
 mod privileges;
@@ -54,11 +56,12 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 17] = [
+    const COMMANDS: [&str; 18] = [
         "demo",
         "serve",
         "client",
         "monitor",
+        "recover",
         "plan",
         "experiment",
         "identify",

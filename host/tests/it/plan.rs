@@ -3,9 +3,6 @@
 use crate::process::Folder;
 
 const KINDS: [&str; 3] = ["springs", "geometry", "verify"];
-/// Tables of springs, and of their verification.
-const TABLES: [&str; 2] = ["springs.csv", "verify.csv"];
-
 #[test]
 fn a_plan_has_a_table_and_a_sheet_and_is_checked_as_it_was_planned() {
     let folder = Folder::new("plan");
@@ -15,8 +12,7 @@ fn a_plan_has_a_table_and_a_sheet_and_is_checked_as_it_was_planned() {
             let said = folder.run(&["plan", kind, robot, "--poses", "20", "--noise-um", "2", "--force", "-o", &file]);
             // Two poses fewer than the F1 has unknowns would be lost; twenty are not.
             let said = said.success();
-            let table =
-                folder.read(if kind == "geometry" { "poses.csv" } else { TABLES[usize::from(kind == "verify")] });
+            let table = folder.read(&format!("{kind}-{robot}.csv"));
             assert_eq!(table.lines().count(), 1, "{table}");
             let first =
                 if kind == "geometry" { "pose,q_1,q_2,q_3," } else { "series,mounting,pose,window,stroke,q_1," };
@@ -39,14 +35,12 @@ fn what_is_there_is_kept_and_what_is_wrong_is_named() {
     let folder = Folder::new("plan_bad");
     folder.write("old.toml", "kept\n");
     folder.write("old.csv", "kept\n");
-    for (file, named) in [("old.toml", "old.toml exists; --force"), ("old.csv", "old.csv exists; --force")] {
-        for kind in KINDS {
-            let line = folder.run(&["plan", kind, "l2", "-o", file]).failure(1);
-            assert!(line.contains(named), "{line}");
-        }
-    }
-    for (kind, table) in [("springs", TABLES[0]), ("verify", TABLES[1]), ("geometry", "poses.csv")] {
-        let line = folder.run(&["plan", kind, "l2", "-o", table]).failure(1);
+    for kind in KINDS {
+        let line = folder.run(&["plan", kind, "l2", "-o", "old.toml"]).failure(1);
+        assert!(line.contains("old.toml exists; --force"), "{line}");
+        let line = folder.run(&["plan", kind, "l2", "-o", "old.toml", "--force"]).failure(1);
+        assert!(line.contains("old.toml: it exists, and is not a plan of gantry-tau"), "{line}");
+        let line = folder.run(&["plan", kind, "l2", "-o", "old.csv"]).failure(2);
         assert!(line.contains("a plan ends in .toml"), "{line}");
     }
     assert_eq!(folder.read("old.toml") + &folder.read("old.csv"), "kept\nkept\n");

@@ -153,7 +153,7 @@ fn wrong_files_are_named_by_line_and_column_and_nothing_is_written() {
     folder.write("tool.toml", &setup);
     for (from, to, words) in [
         ("q_6,", "q_7,", "tool.csv:1: q_7: this column is unknown"),
-        ("\np2,", "\np1,", "tool.csv:4: pose: \"p1\" is empty, or stands twice"),
+        ("\np2,", "\np1,", "tool.csv:4: pose: \"p1\" stands twice"),
         ("\np2,", "\np2,much", "tool.csv:4: q_1: \"much"),
         ("\np2,", "\np2,9", "tool.csv:4: q_1: "),
         (table.as_str(), one.as_str(), "tool.csv: has one reading; two are needed"),

@@ -290,7 +290,7 @@ fn wrong_files_are_refused_by_line_and_column() {
         ("z_m", "z_mm", "poses.csv:1: z_mm: this column is unknown"),
         ("q_3,", "", "poses.csv:1: q_3: this column is missing"),
         ("q_2", "q_1", "poses.csv:1: q_1: this column stands twice"),
-        ("p3,", "p2,", "poses.csv:5: pose: \"p2\" is empty, or stands twice"),
+        ("p3,", "p2,", "poses.csv:5: pose: \"p2\" stands twice"),
         ("p4,", "p4,x", "poses.csv:6: q_1: \"x"),
         ("p4,", "p4,1e4", "poses.csv:6: q_1: "),
         ("p5,", "p5,NaN,", "poses.csv:7: "),

@@ -91,7 +91,7 @@ fn wrong_campaigns_are_refused_by_line_and_column() {
         ("12.25", "122500", "springs.csv:3: pz1_um: 122500 is not from"),
         ("60.5", "sixty", "springs.csv:3: force_x_n: \"sixty\" is not a number"),
         (",0.5\n", ",0\n", "springs.csv:3: pz1_sd_um: a standard deviation is above 0"),
-        ("s2,m2", ",m2", "springs.csv:4: series: is empty"),
+        ("s2,m2", ",m2", "springs.csv:4: series: is empty; give it a name"),
     ];
     for (from, to, expected) in tables {
         let error = campaign(&folder, SETUP, &TABLE.replacen(from, to, 1)).unwrap_err();

@@ -35,9 +35,9 @@ const SENSOR: [&str; 6] = [
     "sensor_force_x_n",
     "sensor_force_y_n",
     "sensor_force_z_n",
-    "sensor_moment_x_nm",
-    "sensor_moment_y_nm",
-    "sensor_moment_z_nm",
+    "sensor_moment_x_n_m",
+    "sensor_moment_y_n_m",
+    "sensor_moment_z_n_m",
 ];
 /// Window in which the sensor is tared in the middle of a series.
 const TARE: &str = "tare";

@@ -91,7 +91,10 @@ pub(super) fn read<const N: usize>(
         }
     }
     let watch = ticks.watch;
-    let table = Table::begin(source.path, ticks, &ServerRow::<N>::header(), |_| false)?;
+    // Recordings of version 0.1 have ticks alone.
+    let (time, required): (Vec<_>, Vec<_>) =
+        ServerRow::<N>::header().into_iter().partition(|column| column == "time_s");
+    let table = Table::begin(source.path, ticks, &required, |column| time.iter().any(|time| time == column))?;
     let columns = Columns::of(&plan, |column| table.place(column));
     if columns.gauges.iter().all(Option::is_none) {
         let reason = "a recording has the gauges gauge_x, gauge_y and gauge_z, and the set-up names none of them";

@@ -1,6 +1,6 @@
 //! The table of ticks, as a live campaign writes it.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,8 @@ use crate::experiment::ExperimentError;
 use crate::experiment::table::Row;
 use crate::experiment::windows::Sample;
 use crate::measurements::plan::Plan;
+use crate::measurements::table::present_name;
+use crate::output::GrowingFile;
 
 /// Part of a series that a tick belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +27,9 @@ pub(crate) enum Part {
 #[derive(Debug)]
 pub(crate) struct RawTable {
     path: PathBuf,
-    writer: csv::Writer<File>,
+    writer: csv::Writer<GrowingFile>,
+    /// The header, until it is written before the first tick.
+    header: Option<Vec<String>>,
 }
 
 impl RawTable {
@@ -41,14 +45,14 @@ impl RawTable {
         if is_begun {
             check_end(path, &header).map_err(failed)?;
         }
-        let mut options = OpenOptions::new();
-        let options = if is_begun { options.append(true) } else { options.write(true).create(true).truncate(true) };
-        let file = options.open(path).map_err(|error| failed(error.to_string()))?;
-        let mut writer = csv::Writer::from_writer(file);
-        if !is_begun {
-            writer.write_record(header).map_err(|error| failed(error.to_string()))?;
+        let is_other = !is_begun && path.metadata().is_ok_and(|file| file.is_file() && file.len() > 0);
+        if is_other {
+            let reason = "it exists, and the table of windows has no rows that it belongs to; name another file, or move it away";
+            return Err(failed(reason.to_owned()));
         }
-        Ok(Self { path: path.to_owned(), writer })
+        let file = if is_begun { GrowingFile::continuing(path)? } else { GrowingFile::replacing(path)? };
+        let header = (!is_begun).then_some(header);
+        Ok(Self { path: path.to_owned(), writer: csv::Writer::from_writer(file), header })
     }
 
     /// Writes a tick of a series. A gauge without a reading is empty.
@@ -75,7 +79,8 @@ impl RawTable {
             }
             _ => String::new(),
         }));
-        self.writer.write_record(fields).map_err(|error| self.failed(&error))
+        let header = self.header.take().map_or(Ok(()), |header| self.writer.write_record(header));
+        header.and_then(|()| self.writer.write_record(fields)).map_err(|error| self.failed(&error))
     }
 
     pub(crate) fn flush(&mut self) -> Result<(), ExperimentError> {
@@ -93,7 +98,7 @@ fn check_end(path: &Path, header: &[String]) -> Result<(), String> {
     let mut file = BufReader::new(File::open(path).map_err(said)?);
     let mut first = String::new();
     file.by_ref().take(super::LONGEST_ROW as u64).read_line(&mut first).map_err(said)?;
-    if first.trim_end().split(',').ne(header.iter().map(String::as_str)) {
+    if first.trim_end().split(',').map(present_name).ne(header.iter().cloned()) {
         return Err(format!("its columns are not those of this plan: {}", header.join(",")));
     }
     let mut last = [0];

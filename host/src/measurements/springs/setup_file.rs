@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::{FORMAT, FileError, MAX_GAUGES, MOST_TURNED_RAD, NOISE, setup};
+use crate::output::check_name;
 use crate::robot_file::matrix;
 use crate::springs::gauge::{Body, Gauge};
 
@@ -223,6 +224,7 @@ fn poses(entries: &[PoseEntry]) -> Result<Vec<(String, Pose)>, Refused> {
     let mut poses: Vec<(String, Pose)> = Vec::new();
     for entry in entries {
         let key = |name: &str| format!("pose.{}.{name}", entry.name);
+        check_name(&entry.name).map_err(|error| (key("name"), error.to_string()))?;
         if poses.iter().any(|(name, _)| *name == entry.name) {
             return Err((key("name"), "stands twice".to_owned()));
         }
@@ -248,6 +250,7 @@ pub(super) fn gauges<const N: usize>(
     let mut gauges: Vec<NamedGauge> = Vec::new();
     for entry in entries {
         let key = |name: &str| format!("gauge.{}.{name}", entry.name);
+        check_name(&entry.name).map_err(|error| (key("name"), error.to_string()))?;
         if gauges.iter().any(|gauge| gauge.name == entry.name) {
             return Err((key("name"), "stands twice".to_owned()));
         }

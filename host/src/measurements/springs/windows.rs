@@ -8,6 +8,7 @@ use nalgebra::{SVector, Vector6};
 
 use super::{FileError, MOST, NamedGauge, Window};
 use crate::measurements::table::{self, Row, Table};
+use crate::output::check_name;
 
 /// Rows of a table, with the names of series and of mountings that they count.
 pub(super) struct Read<const N: usize> {
@@ -57,7 +58,8 @@ struct Names {
 /// First columns, which say where a window belongs.
 pub(crate) const WINDOW: [&str; 5] = ["series", "mounting", "pose", "window", "stroke"];
 /// Columns of the load.
-pub(crate) const LOAD: [&str; 6] = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+pub(crate) const LOAD: [&str; 6] =
+    ["force_x_n", "force_y_n", "force_z_n", "moment_x_n_m", "moment_y_n_m", "moment_z_n_m"];
 
 pub(crate) fn axis_columns<const N: usize>() -> [String; N] {
     std::array::from_fn(|axis| format!("q_{}", axis + 1))
@@ -146,9 +148,7 @@ impl Names {
     /// Returns the index of the name in a column, which is added where it is new.
     fn index_of(&mut self, row: &Row<'_>, column: &str) -> Result<usize, FileError> {
         let name = row.text(column);
-        if name.is_empty() {
-            return Err(row.error(column, "is empty"));
-        }
+        check_name(name).map_err(|error| row.error(column, error))?;
         if let Some(index) = self.places.get(name) {
             return Ok(*index);
         }

@@ -3,21 +3,24 @@
 //! The messages are the samples of LabComm: types become JSON schemas, values JSON. Their time is the tick, 1 ms each.
 
 mod entities;
+mod fields;
+mod recover;
 mod scene;
 mod writer;
 
 use std::fmt;
-use std::fs::File;
-use std::io::{self, BufWriter};
-use std::path::Path;
+use std::io;
 
 use gantry_tau_labcomm::{Decoded, Decoder, Event as Part, Version};
 
+use super::about::About;
 use super::labcomm_file::NAMES;
 use crate::draw::figure::Moving;
 use crate::labcomm::{Floats, json_schema, write_value};
+use crate::output::GrowingFile;
 use crate::publication::{Samples, Ticks};
 use crate::server::event_log::Event;
+pub use recover::{RecoverError, Recovered, recover};
 use scene::SceneChannel;
 use writer::{ChannelId, Writer};
 
@@ -31,7 +34,7 @@ type TickDecoder = Decoder<8, 4_096>;
 
 /// File of one recording.
 pub(super) struct McapFile {
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<GrowingFile>,
     ticks: Ticks,
     decoder: Box<TickDecoder>,
     /// Channels, by the indices of the samples.
@@ -48,22 +51,27 @@ impl fmt::Debug for McapFile {
 }
 
 impl McapFile {
-    /// Creates the file, with the channels of `N` axes, and of the scene of a machine.
-    pub(super) fn create<const N: usize>(path: &Path, name: &str, machine: Box<dyn Moving>) -> io::Result<Self> {
+    /// Begins the file, with its origin, the channels of `N` axes, and of the scene of a machine.
+    pub(super) fn create<const N: usize>(
+        file: GrowingFile,
+        about: &About,
+        machine: Box<dyn Moving>,
+    ) -> io::Result<Self> {
         let ticks = Ticks::of::<N>(Version::V2014, &NAMES)?;
-        let file = BufWriter::new(File::create(path)?);
-        let mut writer = Writer::new(file, concat!("gantry-tau ", env!("CARGO_PKG_VERSION")))?;
+        let mut writer = Writer::new(file, &about.written_by)?;
+        writer.metadata("gantry-tau", &about.entries())?;
         let mut decoder = Box::new(TickDecoder::new(MOST));
         let mut channels = Vec::new();
         each_part(&mut decoder, ticks.preamble(), |part| {
             let Part::Define(definition) = part else { return Ok(()) };
             let sample = String::from_utf8_lossy(definition.name);
-            let schema = json_schema(&definition.ty).to_string();
+            let describe = |name: &str, schema: &mut serde_json::Map<_, _>| fields::describe(&sample, name, schema);
+            let schema = json_schema(&definition.ty, &describe).to_string();
             let channel = writer.channel(&format!("/{sample}"), &format!("gantry_tau.{sample}"), &schema)?;
             channels.push((definition.index, channel));
             Ok(())
         })?;
-        let scene = SceneChannel::open(&mut writer, name, machine)?;
+        let scene = SceneChannel::open(&mut writer, &about.robot, machine)?;
         Ok(Self { writer, ticks, decoder, channels, scene, text: String::new() })
     }
 
@@ -84,7 +92,8 @@ impl McapFile {
     }
 
     pub(super) fn finish(&mut self) -> io::Result<()> {
-        self.writer.finish()
+        self.writer.finish()?;
+        self.writer.out_mut().sync()
     }
 }
 

@@ -6,13 +6,15 @@ use std::io::{self, Write};
 
 use crc32fast::hash;
 
-const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
-/// Bytes of a chunk above which it is written.
+pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+/// Bytes of a chunk above which it is written ...
 const CHUNK: usize = 1 << 20;
+/// ... or time of a chunk, ns: what is in an open chunk is lost when the process is killed.
+const CHUNK_NS: u64 = 1_000_000_000;
 
 /// Kinds of records.
 #[derive(Clone, Copy)]
-enum Opcode {
+pub(super) enum Opcode {
     Header = 0x01,
     Footer = 0x02,
     Schema = 0x03,
@@ -22,6 +24,8 @@ enum Opcode {
     MessageIndex = 0x07,
     ChunkIndex = 0x08,
     Statistics = 0x0b,
+    Metadata = 0x0c,
+    MetadataIndex = 0x0d,
     DataEnd = 0x0f,
 }
 
@@ -44,8 +48,9 @@ pub(super) struct Writer<W> {
     /// Bytes that are written.
     at: u64,
     channels: Vec<Channel>,
-    /// Schemas and channels, for the summary.
+    /// Schemas, channels and the index of metadata, for the summary.
     definitions: Bytes,
+    metadata_count: u32,
     /// Records of the chunk that is open.
     chunk: Bytes,
     /// First and last time in the chunk.
@@ -71,12 +76,41 @@ impl<W: Write> Writer<W> {
             at: start.len(),
             channels: Vec::new(),
             definitions: Bytes::default(),
+            metadata_count: 0,
             chunk: Bytes::default(),
             chunk_times: None,
             chunks: Bytes::default(),
             chunk_count: 0,
             times: None,
         })
+    }
+
+    /// Adds facts about the file, by a name.
+    pub(super) fn metadata(&mut self, name: &str, entries: &[(&str, &str)]) -> io::Result<()> {
+        let at = self.at;
+        let mut record = Bytes::default();
+        record.record(Opcode::Metadata, |record| {
+            record.text(name);
+            record.sized(|map| {
+                for (key, value) in entries {
+                    map.text(key);
+                    map.text(value);
+                }
+            });
+        });
+        self.put(&record.0)?;
+        self.metadata_count += 1;
+        self.definitions.record(Opcode::MetadataIndex, |index| {
+            index.u64(at);
+            index.u64(record.len());
+            index.text(name);
+        });
+        Ok(())
+    }
+
+    /// The file.
+    pub(super) const fn out_mut(&mut self) -> &mut W {
+        &mut self.out
     }
 
     /// Adds a channel of JSON messages; its schema is a JSON schema.
@@ -123,7 +157,8 @@ impl<W: Write> Writer<W> {
         });
         self.chunk_times = Some(extended(self.chunk_times, time_ns));
         self.times = Some(extended(self.times, time_ns));
-        if self.chunk.0.len() >= CHUNK { self.end_chunk() } else { Ok(()) }
+        let is_long = self.chunk_times.is_some_and(|(first, last)| last.saturating_sub(first) >= CHUNK_NS);
+        if is_long || self.chunk.0.len() >= CHUNK { self.end_chunk() } else { Ok(()) }
     }
 
     /// Writes the last chunk, the summary and the end.
@@ -141,9 +176,9 @@ impl<W: Write> Writer<W> {
             let channels = u16::try_from(self.channels.len()).unwrap_or(u16::MAX);
             record.u16(channels);
             record.u32(channels.into());
-            // Attachments and metadata.
+            // No attachments.
             record.u32(0);
-            record.u32(0);
+            record.u32(self.metadata_count);
             record.u32(self.chunk_count);
             record.u64(first);
             record.u64(last);
@@ -235,7 +270,7 @@ fn extended(times: Option<(u64, u64)>, time: u64) -> (u64, u64) {
 }
 
 impl Opcode {
-    const fn code(self) -> u8 {
+    pub(super) const fn code(self) -> u8 {
         self as u8
     }
 }

@@ -84,7 +84,7 @@ pub(crate) fn compare(samples: &Samples, rows: &HashMap<i64, HashMap<String, Str
     assert_eq!(samples.of("tool").len(), rows.len());
     for value in samples.of("tool") {
         let row = &rows[&tick(value)];
-        let loads = ["force_x_n", "force_y_n", "force_z_n", "moment_x_nm", "moment_y_nm", "moment_z_nm"];
+        let loads = ["force_x_n", "force_y_n", "force_z_n", "moment_x_n_m", "moment_y_n_m", "moment_z_n_m"];
         for (number, column) in loads.into_iter().enumerate() {
             same(&value["load"][number], 1.0, &row[column]);
         }

@@ -17,7 +17,7 @@ use super::{session, to};
 use crate::process::Folder;
 
 /// Lines that `labcomm decode` prints of a recording.
-fn decoded(path: &Path) -> Vec<Value> {
+pub(super) fn decoded(path: &Path) -> Vec<Value> {
     let mut lines = Vec::new();
     assert!(decode(File::open(path).unwrap(), &mut lines, false).unwrap(), "the stream ends between two events");
     let lines = String::from_utf8(lines).unwrap();

@@ -29,8 +29,16 @@ pub(super) fn samples(bytes: &[u8]) -> Samples {
     samples
 }
 
-/// Checks a value against its schema; what is not known is `null`.
+/// Checks a value against its schema.
 fn assert_is(value: &Value, schema: &Value) {
+    if let Some(types) = schema["type"].as_array() {
+        // What is not known is `null`.
+        assert!(types == &["number", "null"] && (value.is_number() || value.is_null()), "{value}");
+        return;
+    }
+    if let Some(codes) = schema["oneOf"].as_array() {
+        assert_eq!(codes.iter().filter(|code| code["const"] == *value).count(), 1, "{value} is none of {schema}");
+    }
     match schema["type"].as_str().unwrap() {
         "object" => {
             let properties = schema["properties"].as_object().unwrap();
@@ -48,7 +56,7 @@ fn assert_is(value: &Value, schema: &Value) {
             }
             all.iter().for_each(|item| assert_is(item, &schema["items"]));
         }
-        "number" => assert!(value.is_number() || value.is_null(), "{value}"),
+        "number" => assert!(value.is_number(), "{value}"),
         "integer" => assert!(value.is_i64() || value.is_u64(), "{value}"),
         "string" => assert!(value.is_string(), "{value}"),
         "boolean" => assert!(value.is_boolean(), "{value}"),

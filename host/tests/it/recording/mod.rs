@@ -1,6 +1,7 @@
 //! Recordings of one run in every format: equal field by field.
 
 mod compare;
+mod killed;
 mod labcomm;
 mod mcap;
 mod monitor;

@@ -6,6 +6,7 @@ use std::process::Command;
 
 use gantry_tau::header::{HeaderOptions, Prefix, run as write_header};
 use gantry_tau::model::MachineKind;
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::units::{Metres, PositionNm};
@@ -22,7 +23,7 @@ pub(super) fn compiles() -> Result<(), Failed> {
         write_header(&HeaderOptions {
             robot: robot.clone(),
             prefix: Prefix::default(),
-            output: place.join("machine.h"),
+            output: Output::new(place.join("machine.h"), Kind::Header),
         })?;
         let program = place.join("header");
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/linuxcnc/header.c");

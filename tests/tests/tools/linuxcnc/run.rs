@@ -7,6 +7,7 @@ use std::process::Command;
 use std::sync::{PoisonError, RwLock};
 
 use gantry_tau::header::{HeaderOptions, Prefix, run as write_header};
+use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::AnyRobotFile;
 use libtest_mimic::Failed;
 
@@ -61,11 +62,9 @@ pub(super) fn folder() -> PathBuf {
 pub(super) fn make(robot: &str, build: &Path, header: impl Fn(String) -> String) -> Result<(), Failed> {
     std::fs::create_dir_all(build)?;
     let machine = build.join("machine.h");
-    write_header(&HeaderOptions {
-        robot: AnyRobotFile::named(robot).unwrap(),
-        prefix: Prefix::default(),
-        output: machine.clone(),
-    })?;
+    let output = Output::new(&*machine, Kind::Header);
+    let robot_file = AnyRobotFile::named(robot).unwrap();
+    write_header(&HeaderOptions { robot: robot_file, prefix: Prefix::default(), output })?;
     std::fs::write(&machine, header(std::fs::read_to_string(&machine)?))?;
     let mut make = Command::new("make");
     make.current_dir(folder()).env_remove("MAKEFLAGS").arg(format!("ROBOT={robot}"));

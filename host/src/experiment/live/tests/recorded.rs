@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicU64;
 
 use super::*;
-use crate::record::CsvFile;
+use crate::record::Recording;
 
 /// Ticks that are recorded after the campaign, at most the calm that a level needs.
 const MORE_TICKS: u64 = 7_000;
@@ -34,14 +34,15 @@ fn a_recording_is_told_apart_by_the_plan() {
     let folder = Folder::new("recorded");
     let (robot, plan) = (robot(), plan_in(&folder, &plan_text()));
     let path = folder.path("record.csv");
-    let file = Arc::new(Mutex::new(Some(CsvFile::create::<Row<3>>(&path).unwrap())));
+    let to = path.to_str().unwrap().parse().unwrap();
+    let file = Arc::new(Mutex::new(Some(Recording::<3>::create::<Row<3>, _>(&to, &robot).unwrap())));
     let shared = Arc::clone(&file);
     let ticks = Arc::new(AtomicU64::new(0));
     let counted = Arc::clone(&ticks);
     let bench = Bench::watched(&robot, &plan, move |row| {
         counted.fetch_add(1, Ordering::Relaxed);
         if let Some(file) = shared.lock().unwrap().as_mut() {
-            file.write(row);
+            file.write(row, &[]);
         }
     });
     let options = bench.options(&robot, &plan, &folder.path("springs.csv"));

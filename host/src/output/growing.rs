@@ -1,0 +1,180 @@
+//! Files that grow row by row: recordings and tables of windows.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::place::{self, Place};
+use super::{WriteError, shown};
+
+/// Largest number behind the name of a recording.
+const MAX_NUMBER: u32 = 99_999;
+
+/// A file that is made with its first bytes: a run that has none leaves none, and costs no other file.
+#[derive(Debug)]
+pub struct GrowingFile {
+    path: PathBuf,
+    state: State,
+}
+
+#[derive(Debug)]
+enum State {
+    /// To be made under the first free name. A companion has the same name with this ending behind it.
+    Fresh {
+        companion: Option<&'static str>,
+    },
+    /// To be made in the place of a table without rows.
+    Replacing,
+    Open(File),
+}
+
+impl GrowingFile {
+    /// File under a name that is free: `FILE.csv`, or else `FILE-2.csv`, `FILE-3.csv` and so on; free means that it has no `companion`
+    /// either, a file with this ending behind the whole name. A device or a pipe is opened at once.
+    ///
+    /// # Errors
+    /// [`WriteError`]: no file can be made there.
+    pub fn fresh(path: &Path, companion: Option<&'static str>) -> Result<Self, WriteError> {
+        let place = match fs::metadata(path) {
+            // The file stays; its folder is what counts.
+            Ok(old) if old.is_file() => Place::Free(path.to_owned()),
+            _ => Place::of(path)?,
+        };
+        Self::at(path, place, State::Fresh { companion })
+    }
+
+    /// File in the place of one that has no rows, or of none.
+    ///
+    /// # Errors
+    /// [`WriteError`]: no file can be made there.
+    pub(crate) fn replacing(path: &Path) -> Result<Self, WriteError> {
+        Self::at(path, Place::of(path)?, State::Replacing)
+    }
+
+    /// The end of a file that exists.
+    ///
+    /// # Errors
+    /// [`WriteError`]: it cannot be opened.
+    pub(crate) fn continuing(path: &Path) -> Result<Self, WriteError> {
+        let file = place::append(path).map_err(|error| WriteError::system(path, &error))?;
+        Ok(Self { path: path.to_owned(), state: State::Open(file) })
+    }
+
+    fn at(path: &Path, place: Place, state: State) -> Result<Self, WriteError> {
+        let path = path.to_owned();
+        match place {
+            Place::Stream(target) => {
+                let file = place::open_stream(&target).map_err(|error| WriteError::system(&path, &error))?;
+                Ok(Self { path, state: State::Open(file) })
+            }
+            Place::Free(target) | Place::File(target) => {
+                place::probe(&target, &path)?;
+                Ok(Self { path, state })
+            }
+        }
+    }
+
+    /// Path of the file, once it is there; until then the one that was asked for.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// True once the file is there.
+    #[must_use]
+    pub const fn is_open(&self) -> bool {
+        matches!(self.state, State::Open(_))
+    }
+
+    /// Makes the file, unless it is there.
+    ///
+    /// # Errors
+    /// Error of the system.
+    pub fn open(&mut self) -> io::Result<&mut File> {
+        let file = match std::mem::replace(&mut self.state, State::Replacing) {
+            State::Open(file) => file,
+            State::Fresh { companion } => match fresh(&self.path, companion) {
+                Ok((path, file)) => {
+                    self.path = path;
+                    file
+                }
+                Err(error) => {
+                    self.state = State::Fresh { companion };
+                    return Err(error);
+                }
+            },
+            State::Replacing => {
+                let target = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
+                let beside = place::beside(&target, 0);
+                let file = place::create_new(&beside)?;
+                fs::rename(&beside, &target)?;
+                file
+            }
+        };
+        self.state = State::Open(file);
+        match &mut self.state {
+            State::Open(file) => Ok(file),
+            // It was set above.
+            _ => Err(io::Error::other("the file is not open")),
+        }
+    }
+
+    /// Flushes to the disk.
+    ///
+    /// # Errors
+    /// Error of the system.
+    pub fn sync(&mut self) -> io::Result<()> {
+        match &self.state {
+            State::Open(file) if file.metadata().is_ok_and(|file| file.is_file()) => file.sync_all(),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Write for GrowingFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.open()?.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Makes a file under the first free name. Two programs that ask at the same time get two.
+fn fresh(path: &Path, companion: Option<&str>) -> io::Result<(PathBuf, File)> {
+    for number in 1..=MAX_NUMBER {
+        let numbered = numbered(path, number);
+        let companion = companion.map(|ending| with_ending(&numbered, ending));
+        if companion.is_some_and(|companion| companion.symlink_metadata().is_ok()) {
+            continue;
+        }
+        match place::create_new(&numbered) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            file => return Ok((numbered, file?)),
+        }
+    }
+    Err(io::Error::other(format!("{} and {MAX_NUMBER} names with a number behind it are taken", shown(path))))
+}
+
+/// `FILE.csv`, `FILE-2.csv`, ...
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    if number == 1 {
+        return path.to_owned();
+    }
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{number}"));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
+/// A path with an ending behind it.
+pub(super) fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(ending);
+    PathBuf::from(name)
+}

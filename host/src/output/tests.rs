@@ -1,0 +1,178 @@
+use std::io::Write as _;
+
+use super::*;
+
+/// A folder that is removed at the end of its test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("gantry-tau-output-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    fn put(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        fs::write(&path, text).unwrap();
+        path
+    }
+
+    fn names(&self) -> Vec<String> {
+        let names = fs::read_dir(&self.0).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<String> = names.collect();
+        names.sort();
+        names
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A text of each kind of which a file is replaced.
+const TEXTS: [(Kind, &str); 9] = [
+    (Kind::Page, "<!doctype html><html lang=\"en\"><body>x</body></html>\n"),
+    (Kind::Sheet, "<!doctype html><html lang=\"en\"><body>y</body></html>\n"),
+    (Kind::Picture, "<svg xmlns=\"http://www.w3.org/2000/svg\"></svg>\n"),
+    (Kind::Answer, "{\n  \"layout\": 1\n}"),
+    (Kind::Header, "/* A machine. Written by `gantry-tau header`. Do not edit. */\n"),
+    (Kind::Map, "x_m,y_m,z_m,code,condition,compliance_um_per_n\n"),
+    (Kind::Plan, "# planned\nformat = \"gantry-tau springs 1\"\nmodel = \"l2\"\n"),
+    (Kind::Table, "series,mounting,pose,window,stroke\n"),
+    (Kind::Robot, "# a machine\nmodel = \"l2\"\n"),
+];
+
+/// Measured and foreign files, which no output replaces.
+const OTHERS: [(&str, &str); 6] = [
+    ("rows.csv", "series,mounting,pose,window,stroke\nx,1,home,1,1\n"),
+    ("run.csv", "tick,state\n1,obtain\n"),
+    ("box.jsonl", "{\"format\":\"gantry-tau black box\",\"version\":3}\n"),
+    ("page.html", "<!doctype html><html><body>the user's own</body></html>"),
+    ("package.json", "{\n  \"name\": \"x\"\n}"),
+    ("notes.txt", "kept"),
+];
+
+#[test]
+fn an_output_replaces_its_own_kind_and_nothing_else() {
+    let folder = Folder::new("kinds");
+    for (kind, text) in TEXTS {
+        let target = folder.path("target");
+        let output = Output::new(&*target, kind);
+        output.write(text).unwrap();
+        // Its own kind, written by itself, and an empty file.
+        output.check(true).unwrap();
+        output.write(text).unwrap();
+        fs::write(&target, "").unwrap();
+        output.write(text).unwrap();
+        let written = fs::read_to_string(&target).unwrap();
+        for (other, text) in TEXTS.into_iter().filter(|(other, _)| *other != kind) {
+            let error = Output::new(&*target, other).write(text).unwrap_err();
+            assert!(matches!(error, WriteError::Foreign { .. }), "{other:?} over {kind:?}: {error}");
+            assert_eq!(fs::read_to_string(&target).unwrap(), written, "{other:?} over {kind:?}");
+        }
+        fs::remove_file(&target).unwrap();
+        for (name, old) in OTHERS {
+            // A black box is a JSON object in its first line, and shows the format of an answer.
+            if (name, kind) == ("box.jsonl", Kind::Answer) {
+                continue;
+            }
+            let target = folder.put(name, old);
+            let output = Output::new(&*target, kind);
+            assert!(output.check(true).is_err() && output.write(text).is_err(), "{kind:?} over {name}");
+            assert_eq!(fs::read_to_string(&target).unwrap(), old, "{kind:?} over {name}");
+        }
+        OTHERS.into_iter().for_each(|(name, _)| fs::remove_file(folder.path(name)).unwrap_or_default());
+        assert!(folder.names().is_empty(), "{:?}", folder.names());
+    }
+}
+
+#[test]
+fn plans_and_robot_files_need_force() {
+    let folder = Folder::new("force");
+    for (kind, text) in TEXTS {
+        let output = Output::new(folder.path("target"), kind);
+        output.check(false).unwrap();
+        output.write(text).unwrap();
+        let is_kept = matches!(kind, Kind::Plan | Kind::Robot);
+        assert_eq!(output.check(false).is_err(), is_kept, "{kind:?}");
+        fs::remove_file(output.path()).unwrap();
+    }
+}
+
+#[test]
+fn all_files_are_written_or_none() {
+    let folder = Folder::new("all");
+    let json = Output::new(folder.put("answer.json", ""), Kind::Answer);
+    let robot = Output::new(folder.path("robot.toml"), Kind::Robot);
+    let missing = Output::new(folder.path("no").join("page.html"), Kind::Page);
+    let error = write_all(&[(&json, "{}"), (&missing, "page"), (&robot, "model = \"l2\"")]).unwrap_err().to_string();
+    assert!(error.contains("page.html"), "{error}");
+    assert_eq!(fs::read_to_string(json.path()).unwrap(), "");
+    assert_eq!(folder.names(), ["answer.json"]);
+    write_all(&[(&json, "{\"a\":1}"), (&robot, "model = \"l2\"")]).unwrap();
+    assert_eq!(folder.names(), ["answer.json", "robot.toml"]);
+}
+
+#[test]
+fn a_recording_gets_a_free_name_with_its_first_bytes() {
+    let folder = Folder::new("fresh");
+    let path = folder.put("run.csv", "tick\n1\n");
+    folder.put("run-2.csv.json", "{}");
+    let mut file = GrowingFile::fresh(&path, Some(".json")).unwrap();
+    assert_eq!((folder.names().len(), file.path()), (2, &*path));
+    file.write_all(b"tick\n").unwrap();
+    assert_eq!(file.path(), folder.path("run-3.csv"));
+    assert_eq!(fs::read_to_string(&path).unwrap(), "tick\n1\n");
+    assert_eq!(folder.names(), ["run-2.csv.json", "run-3.csv", "run.csv"]);
+    // A link that leads nowhere is taken as well.
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("/nowhere/at/all", folder.path("link.csv")).unwrap();
+        let mut file = GrowingFile::fresh(&folder.path("link.csv"), None).unwrap();
+        file.write_all(b"x").unwrap();
+        assert_eq!(file.path(), folder.path("link-2.csv"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_input_is_known_through_links() {
+    let folder = Folder::new("links");
+    let input = folder.put("in.toml", "x");
+    let other = folder.put("other.toml", "y");
+    fs::hard_link(&input, folder.path("hard.toml")).unwrap();
+    std::os::unix::fs::symlink("in.toml", folder.path("soft.toml")).unwrap();
+    for name in ["in.toml", "hard.toml", "soft.toml", "../".to_owned().as_str()] {
+        let output = if name == "../" { folder.0.join(".").join("in.toml") } else { folder.path(name) };
+        let error = check_apart(&[&output], &[&other, &input]).unwrap_err();
+        assert!(matches!(error, WriteError::Input { .. }), "{name}: {error}");
+    }
+    check_apart(&[&folder.path("new.toml")], &[&input]).unwrap();
+    assert!(matches!(check_apart(&[&input, &folder.path("hard.toml")], &[]), Err(WriteError::Twice(_))));
+    assert!(matches!(check_apart(&[&folder.path("a"), &folder.path("a")], &[]), Err(WriteError::Twice(_))));
+    // A terminal may be read and written.
+    check_apart(&[Path::new("/dev/null"), Path::new("/dev/null")], &[Path::new("/dev/null")]).unwrap();
+}
+
+#[test]
+fn names_are_printable_short_and_no_formula() {
+    for name in ["x", "pz1", "my L2", "Grün", "a=b", "a-1"] {
+        check_name(name).unwrap();
+    }
+    for name in
+        ["", "=cmd|' /C calc'!A0", "+1", "-1", "@sum", "a\0", "a\nb", "\u{1b}[2J", "a\tb", "a\u{202e}b", "\u{85}"]
+    {
+        check_name(name).unwrap_err();
+    }
+    check_name(&"x".repeat(MAX_NAME)).unwrap();
+    check_name(&"x".repeat(MAX_NAME + 1)).unwrap_err();
+    assert_eq!(printable("a\u{1b}[2Jb\n"), "a\\u{1b}[2Jb\\n");
+}

@@ -1,0 +1,108 @@
+//! Recordings of a program that was killed: every row but the last moment's is there, for the usual readers.
+
+use gantry_tau::model::L2_MOTORS;
+use gantry_tau::record::recover;
+use gantry_tau::robot_file::RobotFile;
+
+use super::labcomm::decoded;
+use super::{session, to};
+use crate::process::Folder;
+use crate::signals::serve;
+
+/// Kills of each format.
+const KILLS: u64 = 17;
+
+/// Numbers that look random, the same in every run.
+fn draw(seed: u64) -> u64 {
+    (seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40
+}
+
+/// The same command line after every kill: each run leaves a recording of its own, which its reader takes.
+#[test]
+fn every_recording_is_readable_after_a_kill_and_none_is_overwritten() {
+    for format in ["csv", "labcomm", "mcap"] {
+        let folder = Folder::new(&format!("killed-{format}"));
+        let asked = format!("run.{format}");
+        let mut kept: Vec<(String, Vec<u8>)> = Vec::new();
+        for kill in 0..KILLS {
+            let name = if kill == 0 { asked.clone() } else { format!("run-{}.{format}", kill + 1) };
+            let (mut server, _) = serve(&folder, &["--record", &asked]);
+            // With at least a byte; with many rows; in the middle of the second chunk of a second.
+            let bytes = 1 + draw(kill) % if format == "mcap" { 1_500_000 } else { 60_000 };
+            let path = folder.path(&name);
+            server.await_that(&name, |_| std::fs::metadata(&path).is_ok_and(|file| file.len() >= bytes));
+            server.kill();
+            kept.push((name, std::fs::read(&path).unwrap()));
+        }
+        let mut rows = 0;
+        for (name, bytes) in &kept {
+            assert!(std::fs::read(folder.path(name)).unwrap() == *bytes, "{name} was written to by a later run");
+            rows += match format {
+                "csv" => csv_rows(name, bytes),
+                "labcomm" => decoded(&folder.path(name)).iter().filter(|line| line["sample"] == "axes").count(),
+                _ => {
+                    let said = folder.run(&["recover", name]).success();
+                    let recovered = name.replace(".mcap", "-recovered.mcap");
+                    assert!(said.starts_with(&recovered), "{said}");
+                    let bytes = std::fs::read(folder.path(&recovered)).unwrap();
+                    super::mcap::samples(&bytes).of("axes").len()
+                }
+            };
+        }
+        assert!(rows > 500, "{format}: {rows} rows");
+    }
+}
+
+/// Rows of a table that ends with a whole line, or is empty.
+fn csv_rows(name: &str, bytes: &[u8]) -> usize {
+    assert!(bytes.is_empty() || bytes.ends_with(b"\n"), "{name} ends in the middle of a line");
+    let mut reader = csv::Reader::from_reader(bytes);
+    reader.records().map(|row| row.unwrap_or_else(|error| panic!("{name}: {error}"))).count()
+}
+
+/// A recording cut at any byte, as a power failure may: `recover` keeps what is whole, and the file is complete then.
+#[test]
+fn a_recording_cut_anywhere_is_recovered() {
+    let folder = Folder::new("recovered");
+    let robot = RobotFile::builtin_l2().unwrap();
+    session::run::<_, 3, L2_MOTORS>(&robot, &[to(&folder, "whole.mcap")], to(&folder, "client.mcap"));
+    let whole = std::fs::read(folder.path("whole.mcap")).unwrap();
+    let all = super::mcap::samples(&whole);
+    assert!(recover(&folder.path("whole.mcap")).unwrap_err().to_string().contains("is complete"));
+    let mut most = 0;
+    for cut in 0..50 {
+        let length = usize::try_from(draw(cut)).unwrap() % whole.len();
+        folder.write("cut.mcap", "");
+        std::fs::write(folder.path("cut.mcap"), &whole[..length]).unwrap();
+        let recovered = match recover(&folder.path("cut.mcap")) {
+            // Not even the head is there.
+            Err(error) => {
+                assert!(length < 100, "{length}: {error}");
+                continue;
+            }
+            Ok(recovered) => recovered,
+        };
+        let bytes = std::fs::read(&recovered.path).unwrap();
+        let stats = ::mcap::Summary::read(&bytes).unwrap().unwrap().stats.unwrap();
+        assert_eq!(stats.message_count, recovered.messages, "{length}");
+        let samples = super::mcap::samples(&bytes);
+        // What is there is the beginning of the whole.
+        for name in ["axes", "state", "tool", "drives"] {
+            let kept = samples.of(name);
+            assert_eq!(kept, &all.of(name)[..kept.len()], "{name}, cut at {length}");
+        }
+        most = most.max(samples.of("axes").len());
+        std::fs::remove_file(&recovered.path).unwrap();
+    }
+    assert!(most > 300, "{most}");
+    // A bit that has changed ends the recovery at its chunk.
+    let mut damaged = whole[..whole.len() - 8].to_vec();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    std::fs::write(folder.path("damaged.mcap"), &damaged).unwrap();
+    let recovered = recover(&folder.path("damaged.mcap")).unwrap();
+    let samples = super::mcap::samples(&std::fs::read(&recovered.path).unwrap());
+    assert_eq!(samples.of("axes"), &all.of("axes")[..samples.of("axes").len()]);
+    folder.write("other.mcap", "not MCAP");
+    assert!(recover(&folder.path("other.mcap")).unwrap_err().to_string().contains("is not an MCAP recording"));
+}
