@@ -57,7 +57,8 @@ fn every_recording_is_readable_after_a_kill_and_none_is_overwritten() {
 fn csv_rows(name: &str, bytes: &[u8]) -> usize {
     assert!(bytes.is_empty() || bytes.ends_with(b"\n"), "{name} ends in the middle of a line");
     let mut reader = csv::Reader::from_reader(bytes);
-    reader.records().map(|row| row.unwrap_or_else(|error| panic!("{name}: {error}"))).count()
+    let rows: Result<Vec<_>, _> = reader.records().collect();
+    rows.unwrap_or_else(|error| panic!("{name}: {error}")).len()
 }
 
 /// A recording cut at any byte, as a power failure may: `recover` keeps what is whole, and the file is complete then.
