@@ -29,9 +29,9 @@ mod labcomm;
 mod monitor;
 #[cfg(unix)]
 mod operator;
+mod outputs;
 #[cfg(unix)]
 mod ownership;
-mod outputs;
 mod plan;
 #[cfg(target_os = "linux")]
 mod privileges;
