@@ -25,6 +25,7 @@
 //!         elapsed_cycles: 1,
 //!         reading: Some(Reading::unmeasured(nominal)),
 //!         stop: false,
+//!         quit: false,
 //!         rearm: false,
 //!         last_write: LastWrite::Accepted,
 //!         arrival_us: 0,

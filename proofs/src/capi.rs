@@ -97,8 +97,8 @@ pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
         tick.elapsed_cycles == input.elapsed_cycles && tick.arrival_us == input.arrival_us,
         "T26: the cycle arrives"
     );
-    let pressed = (input.stop == GT_PRESSED, input.rearm == GT_PRESSED);
-    assert!((tick.stop, tick.rearm) == pressed, "T26: stop and re-arm arrive");
+    let pressed = (input.stop == GT_PRESSED, input.quit != 0, input.rearm == GT_PRESSED);
+    assert!((tick.stop, tick.quit, tick.rearm) == pressed, "T26: stop, quit and re-arm arrive");
     assert!(tick.reading.is_some() == (input.reading == GT_READING_DONE), "T26: a reading arrives if there is one");
     if let Some(reading) = &tick.reading {
         assert!(reading.nominal[axis].0 == input.nominal_nm[axis], "T26: a nominal reference arrives");
@@ -138,6 +138,7 @@ pub fn output_arrives<const N: usize>(
     assert!((c.welcomed != 0) == output.welcome.is_some(), "T26: a grant arrives");
     assert!(usize::try_from(c.refused) == Ok(output.refusals.len()), "T26: refusals are counted");
     assert!(number_of(c.ended) == output.ended.map_or(0, |cause| cause.code()), "T26: an end arrives");
+    assert!((c.latched != 0) == output.latched, "T26: the latch arrives");
     assert!(c.state == verification::state_to_c(&output.state), "T26: the State is that of the output");
 }
 

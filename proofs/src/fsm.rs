@@ -2,11 +2,12 @@
 //! discrete state.
 
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
+use gantry_tau_core::control::session::may_end;
 use gantry_tau_core::verification::control::{Action, Decision, EndReason, FsmInput, FsmState, Rules, decide};
 
 /// True if something of higher precedence than a miss arrived.
 fn outranks_a_miss(fsm: &FsmInput) -> bool {
-    fsm.stop || fsm.nominal_fault || fsm.framing || fsm.flood || fsm.closed || fsm.goodbye
+    fsm.stop || fsm.quit || fsm.nominal_fault || fsm.framing || fsm.flood || fsm.closed || fsm.goodbye
 }
 
 /// The invariant of the discrete state is kept, and the tick advances by one for each cycle.
@@ -70,7 +71,7 @@ pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 /// that was released before, with the stop gone and every channel at zero; until then nothing follows a target.
 pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
-    if fsm.stop {
+    if fsm.stop || fsm.quit {
         assert!(decision.next.phase == Phase::Fault, "T9: a stop ends in Fault");
         assert!(decision.action == Action::Ramp, "T9: a stop ramps");
     }
@@ -78,7 +79,7 @@ pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
         return;
     }
     let rearmed = fsm.rearm && state.rearm_released && fsm.all_zero;
-    if rearmed && !fsm.stop && !fsm.nominal_fault {
+    if rearmed && !fsm.stop && !fsm.quit && !fsm.nominal_fault {
         assert!(
             decision.next.phase == Phase::Listening && decision.action == Action::Hold,
             "T9: a re-arm leads to Listening"
@@ -89,6 +90,22 @@ pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
             "T9: nothing else leads out of Fault"
         );
     }
+}
+
+/// T9, the latch: whatever asserts a stop but a quit is latched, in the tick of the assertion, in a quit too; a latched stop holds Fault,
+/// and only leaving Fault releases it ([`stop_leads_to_fault`]: by a re-arm); a quit alone latches nothing. A server that was told to quit
+/// ends with zero in force and the latch stored, and not otherwise.
+pub fn latch_keeps_every_stop(state: &FsmState, fsm: &FsmInput, rules: &Rules, at_zero: bool, stored: Option<bool>) {
+    let next = decide(state, fsm, rules).next;
+    let asserted = fsm.stop || fsm.nominal_fault;
+    assert!(!asserted || next.latched, "T9: a stop is latched in its tick");
+    assert!(!next.latched || next.phase == Phase::Fault, "T9: a latched stop holds Fault");
+    assert!(!next.latched || state.latched || asserted, "T9: a quit latches nothing");
+    let released = state.latched && !next.latched;
+    let rearmed = fsm.rearm && state.rearm_released && fsm.all_zero && !fsm.quit;
+    assert!(!released || (rearmed && next.phase == Phase::Listening), "T9: a re-arm releases the latch");
+    let ends = may_end(fsm.quit, at_zero, next.latched, stored);
+    assert!(ends == (fsm.quit && at_zero && stored == Some(next.latched)), "T9: no end before the latch is stored");
 }
 
 /// T5, the half that decides: without a session, and with a channel that is not zero, every tick is a ramp step.
@@ -166,4 +183,7 @@ pub fn decision_is_right(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     no_session_ramps(state, fsm, rules);
     epochs_and_sequences_rise(state, fsm, rules);
     silence_leads_to_listening(state, fsm, rules);
+    for stored in [None, Some(false), Some(true)] {
+        latch_keeps_every_stop(state, fsm, rules, fsm.all_zero, stored);
+    }
 }

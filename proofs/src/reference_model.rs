@@ -34,6 +34,8 @@ pub struct ReferenceModel<const N: usize> {
     run: u32,
     waited: u64,
     rearm_released: bool,
+    /// A stop other than a quit has not been re-armed.
+    latched: bool,
     /// The owner sent a late command since its last fresh one.
     late: bool,
     cause: Cause,
@@ -96,6 +98,7 @@ impl<const N: usize> ReferenceModel<N> {
             run: 0,
             waited: 0,
             rearm_released: false,
+            latched: start.stop_latched,
             late: false,
             cause: Cause::None,
             counters: Counters::default(),
@@ -164,10 +167,13 @@ impl<const N: usize> ReferenceModel<N> {
         self.tick = self.tick.saturating_add(cycles);
         let outage = cycle.reading.is_none() || cycle.last_write != LastWrite::Accepted;
         let stop = accepted.stop || cycle.stop || outage;
+        let faulty = stepped.contains(&true);
         let before = self.phase;
-        let (action, ended) = if stop || stepped.contains(&true) {
-            let cause = if stop { Cause::Stop } else { Cause::Nominal };
-            self.fault(cause, cycle.rearm)
+        let (action, ended) = if stop || faulty || cycle.quit {
+            let cause = if stop || cycle.quit { Cause::Stop } else { Cause::Nominal };
+            let decision = self.fault(cause, cycle.rearm);
+            self.latched |= stop || faulty;
+            decision
         } else {
             self.go_on(&accepted, zero, cycles, input)
         };
@@ -197,6 +203,7 @@ impl<const N: usize> ReferenceModel<N> {
         expected.refusals = accepted.refusals;
         expected.close = owner_before.filter(|_| self.owner != owner_before);
         expected.ended = ended;
+        expected.latched = self.latched;
         assert!(
             *output == expected,
             "the model says otherwise:\n core   {output:?}\n model  {expected:?}\n input  {input:?}"
@@ -419,6 +426,7 @@ impl<const N: usize> ReferenceModel<N> {
         self.run = 0;
         self.waited = 0;
         self.rearm_released = false;
+        self.latched = false;
     }
 
     /// Takes the nominal references and measurements of the tick. Returns the axes whose nominal reference is beyond its limit.

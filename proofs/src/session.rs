@@ -55,6 +55,7 @@ pub fn decided_on<const N: usize>(input: &StepInput<N>) -> (FsmInput, Rules) {
     let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
     let fsm = FsmInput {
         stop: accepted.fsm.stop || tick.stop || outage,
+        quit: tick.quit,
         rearm: tick.rearm,
         nominal_fault: (0..N).any(|axis| has_stepped(input, axis)),
         skipped: cycles - 1,
@@ -238,13 +239,14 @@ pub fn authority_needs_zero<const N: usize>(input: &StepInput<N>) {
     );
 }
 
-/// T9: a step with the stop asserted ends in Fault, and every channel ramps.
+/// T9: a step with the stop asserted, or on the way to the end, ends in Fault, and every channel ramps.
 pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
     let before = &input.session;
-    if !input.tick.stop {
+    if !input.tick.stop && !input.tick.quit {
         return;
     }
-    let (after, _) = input.step();
+    let (after, output) = input.step();
+    assert!(output.latched || !input.tick.stop, "T9: a stop at the machine is latched");
     assert!(after.phase() == Phase::Fault, "T9: a stop ends in Fault");
     for index in 0..N {
         let limits = &before.config().parameters().axes[index].limits;
@@ -267,8 +269,10 @@ pub fn latch_holds<const N: usize>(input: &StepInput<N>) {
     assert!(output.welcome.is_none() && !after.is_live(), "T9: nobody is welcomed in Fault");
     let rearmed = input.tick.rearm && before.parts().discrete.rearm_released;
     let at_zero = (0..N).all(|axis| before.parts().axes[axis].channels.is_zero());
-    let may_leave = rearmed && at_zero && !input.tick.stop && input.tick.reading.is_some();
+    let may_leave = rearmed && at_zero && !input.tick.stop && !input.tick.quit && input.tick.reading.is_some();
     assert!(after.phase() == Phase::Fault || may_leave, "T9: only a re-arm leads out of Fault");
+    let holds = !before.parts().discrete.latched || output.latched;
+    assert!(holds || after.phase() != Phase::Fault, "T9: only a re-arm releases the latch");
 }
 
 /// The start of a server: it has the values in force at the drives, off the path until it meets it; it is in Fault with a latched stop, and listens
@@ -290,6 +294,7 @@ pub fn starts_as_told<const N: usize>(config: Config<N>, start: &Start<N>) {
         (false, false) => Phase::SafeDisconnect,
     };
     assert!(session.phase() == expected, "T9: a latched stop outlives the server");
+    assert!(session.parts().discrete.latched == start.stop_latched, "T9: and is still latched");
     assert!(!session.parts().discrete.rearm_released, "T9: a stuck re-arm leads nowhere");
 }
 

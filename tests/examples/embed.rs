@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let references = server.tick(&TickInput {
             elapsed_cycles: 1, // more after an overrun
             reading: Some(Reading { nominal, actual }), // None: the machine could not be read
-            stop: false, rearm: false, last_write, arrival_us: 0,
+            stop: false, quit: false, rearm: false, last_write, arrival_us: 0,
         });
         last_write = write_to_drives(references); // first of all; a refusal is an input of the next tick
         while let Some((to, frame)) = server.poll_transmit() { send(to, frame); }

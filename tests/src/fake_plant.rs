@@ -1,6 +1,7 @@
 //! A machine that moves where it is told and records every reference, tick by tick.
 
 use std::net::TcpStream;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use gantry_tau::plant::{Plant, PlantError, Reading};
@@ -26,6 +27,12 @@ pub struct Record<const N: usize> {
     pub write_fails: bool,
     /// Writes and read-backs that failed.
     pub failures: usize,
+    /// A file whose contents every `write` looks at: a stop latch.
+    pub latch: Option<PathBuf>,
+    /// Contents of that file at the last `write`.
+    pub latch_at_write: String,
+    /// The process dies in the next `write`, before the drives have the references.
+    pub dies: bool,
     /// A client's end of its connection, at which every `write` listens.
     pub ear: Option<TcpStream>,
     /// Writes that came after the client had been told something.
@@ -55,6 +62,9 @@ impl<const N: usize> Default for Bus<N> {
             offsets_fail: false,
             read_fails: false,
             write_fails: false,
+            latch: None,
+            latch_at_write: String::new(),
+            dies: false,
             failures: 0,
             ear: None,
             late_writes: 0,
@@ -114,6 +124,13 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
 
     fn write(&mut self, references: &[Reference; N], parts: &[InForce; N]) -> Result<(), PlantError> {
         let mut record = self.record();
+        if let Some(path) = record.latch.clone() {
+            record.latch_at_write = std::fs::read_to_string(path).expect("the stop latch can be read");
+        }
+        if record.dies {
+            drop(record);
+            panic!("the process dies in a write");
+        }
         if record.write_fails {
             record.failures += 1;
             return Err(failed("be written"));

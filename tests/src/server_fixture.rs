@@ -166,6 +166,12 @@ impl<const N: usize> ServerFixture<N> {
         assert_eq!(self.monitor.rebase(&self.bus.record().parts_in_force()), Ok(()));
     }
 
+    /// True if the server may end, once told to.
+    #[must_use]
+    pub fn may_end(&self, quit: bool) -> bool {
+        self.cycle.may_end(quit)
+    }
+
     /// Runs the server in a thread of its own. Its rows are not looked at.
     #[must_use]
     pub fn spawn(self) -> Server<N> {
@@ -236,6 +242,11 @@ impl<const N: usize> ServerFixture<N> {
     /// One tick with the stop at the machine asserted.
     pub fn step_stopped(&mut self) -> Row<N> {
         self.step_with(1, Demands { stop: true, ..Demands::default() })
+    }
+
+    /// One tick of a server that was told to end.
+    pub fn step_quitting(&mut self) -> Row<N> {
+        self.step_with(1, Demands { quit: true, ..Demands::default() })
     }
 
     /// One tick in which somebody at the machine re-arms.

@@ -105,7 +105,7 @@
 #define GT_SERVER_SIZE_3_BLACK_BOX 387328
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 580096
+#define GT_SERVER_SIZE_6_BLACK_BOX 581120
 
 // Longest frame, bytes.
 #define GT_MAX_FRAME 394
@@ -679,6 +679,8 @@ typedef struct gt_tick_input {
   uint8_t reading;
   // The stop at the machine: GT_RELEASED or GT_PRESSED.
   uint8_t stop;
+  // Not 0: the program is to end, which ramps as a stop does and latches nothing. Hold it until the program ends.
+  uint8_t quit;
   // The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
   uint8_t rearm;
   // Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or GT_WRITE_UNKNOWN.
@@ -787,6 +789,9 @@ typedef struct gt_tick_output {
   uint64_t owner;
   // Cause of an end of a session, or of a stop, in this tick; GT_CAUSE_NONE without one.
   gt_cause ended;
+  // Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors are written; it is the `stop_latched` of
+  // the next start, in this process or a later one.
+  uint8_t latched;
   // State after the tick.
   struct gt_state state;
 } gt_tick_output;

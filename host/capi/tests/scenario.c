@@ -6,8 +6,8 @@
  *     c N                       connection N is gone
  *     f N [HEX]                 feed bytes
  *     e FIRST LAST              set epochs
- *     t E D S R W U AXIS... [IN_FORCE...]
- *                               tick: elapsed_cycles, reading, stop, rearm, last_write, arrival_us; of each axis nominal and actual position,
+ *     t E D S Q R W U AXIS... [IN_FORCE...]
+ *                               tick: elapsed_cycles, reading, stop, quit, rearm, last_write, arrival_us; of each axis nominal and actual position,
  *                               velocity, torque; after a refused write of each axis nominal, position, velocity, torque
  *     b                         the black box: its parts, then release
  */
@@ -130,6 +130,7 @@ static void tick(gt_server *server, uint32_t axes)
     input.elapsed_cycles = (uint32_t)natural();
     input.reading = (uint8_t)natural();
     input.stop = (uint8_t)natural();
+    input.quit = (uint8_t)natural();
     input.rearm = (uint8_t)natural();
     input.last_write = (uint8_t)natural();
     input.arrival_us = (uint16_t)natural();
@@ -148,7 +149,7 @@ static void tick(gt_server *server, uint32_t axes)
     for (uint32_t i = 0; i < output.motor_count; i++) {
         printf("motor %lld %" PRId32 " %" PRId16 "\n", (long long)output.motors[i].position_nm, output.motors[i].velocity_offset_um_s, output.motors[i].torque_offset_permille);
     }
-    printf("refused %" PRIu32 " welcomed %u owner %u %llu ended %s\n", output.refused, output.welcomed, output.has_owner, (unsigned long long)output.owner, causes[output.ended]);
+    printf("refused %" PRIu32 " welcomed %u owner %u %llu ended %s latched %u\n", output.refused, output.welcomed, output.has_owner, (unsigned long long)output.owner, causes[output.ended], output.latched);
     print_state(&output.state);
     while ((code = gt_server_poll_transmit(server, &frame)) == GT_CODE_OK) {
         printf("frame %llu ", (unsigned long long)frame.connection);

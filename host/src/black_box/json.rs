@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::{FileError, Window};
 
 /// Label of the files of sessions.
-const LABEL: Label = Label { format: "gantry-tau black box", version: 3, what: "a black box of gantry-tau" };
+const LABEL: Label = Label { format: "gantry-tau black box", version: 4, what: "a black box of gantry-tau" };
 /// Number of lines before the first tick.
 const HEAD: usize = 2;
 

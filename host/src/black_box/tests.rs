@@ -146,6 +146,7 @@ fn input<const N: usize>(
             }),
         }),
         stop: random.random_bool(0.02),
+        quit: random.random_bool(0.01),
         rearm: random.random_bool(0.5),
         last_write,
         arrival_us: random.random(),
@@ -204,7 +205,7 @@ fn the_first_difference_is_the_field_that_was_changed() {
 
 /// Returns the file that a program in C would write.
 fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
-    let mut file = b"GTBB\x03".to_vec();
+    let mut file = b"GTBB\x04".to_vec();
     file.push(u8::try_from(N).unwrap());
     file.extend(u32::try_from(window.entries.len()).unwrap().to_le_bytes());
     let mut add = |part: &[u8]| {
@@ -233,7 +234,7 @@ fn an_edited_binary_file_is_refused_with_part_and_reason() {
         assert!(refused.starts_with(words), "{words} is not in: {refused}");
     };
     refused(&|file| file[3] = b'b', "a, line 1: this is not a black box");
-    refused(&|file| file[4] = 2, "a, part 0: version is 2; this program reads version 3");
+    refused(&|file| file[4] = 3, "a, part 0: version is 3; this program reads version 4");
     refused(&|file| file[5] = 6, "a, part 0: axes is 6, expected 3");
     refused(&|file| file[6] = 0, "a, part 0: ticks is 0: there is nothing");
     refused(&|file| file[6] = 4, "a, part 5: ");
@@ -276,7 +277,7 @@ fn an_edited_file_is_refused_with_line_and_reason() {
     let text = window::<3>(3).encode();
     for (line, from, to, words) in [
         (1, "black box", "white box", "line 1: this is not a black box"),
-        (1, "\"version\":3", "\"version\":2", "line 1: version is 2; this program reads version 3"),
+        (1, "\"version\":4", "\"version\":3", "line 1: version is 3; this program reads version 4"),
         (1, "\"axes\":3", "\"axes\":4", "line 1: axes is 4, expected 3"),
         (1, "\"axes\":3", "\"axes\":-3", "line 1: axes: invalid value: integer `-3`, expected usize"),
         (1, "\"ticks\":", "\"ticks\":1", "line 1 announces 1"),

@@ -261,7 +261,7 @@ impl Serve {
                     port.flush();
                 }
             }
-            flusher.see(row.state.phase);
+            flusher.see(row.latched);
             if let Some(file) = &mut file {
                 file.write(row, &happened);
             }
@@ -276,6 +276,7 @@ impl Serve {
                 ExitCode::SUCCESS
             }
             Err(error @ ServerError::StillInForce { .. }) => fail(3, error),
+            Err(error @ ServerError::StopNotStored) => fail(4, error),
             Err(error) => return Err(error.into()),
         };
         flusher.flush();

@@ -184,6 +184,8 @@ fn row<const N: usize>(tick: &Received, before: Option<u64>) -> Result<Row<N>, S
         plant_failed: false,
         failure: None,
         drives,
+        // Not published.
+        latched: false,
         latch_lost: false,
     })
 }

@@ -46,6 +46,8 @@ pub struct Row<const N: usize> {
     pub failure: Option<PlantError>,
     /// States of the drives, if the machine tells them.
     pub drives: Option<[DriveState; N]>,
+    /// A stop is latched: asserted by other than the end of the server, and not re-armed.
+    pub latched: bool,
     /// The stop latch could not be written: this stop would not outlive the server.
     pub latch_lost: bool,
 }
@@ -55,6 +57,8 @@ pub struct Row<const N: usize> {
 pub struct Demands {
     /// The stop is asserted.
     pub stop: bool,
+    /// The server is to end.
+    pub quit: bool,
     /// The re-arm is pressed.
     pub rearm: bool,
 }
@@ -244,7 +248,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     /// Runs one tick, `elapsed` cycles after the last, on what was received since.
     pub fn step(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
         let last_write = self.last_write();
-        if demands.rearm && !demands.stop && self.phase() == Phase::Fault {
+        if demands.rearm && !demands.stop && !demands.quit && self.phase() == Phase::Fault {
             self.plant.reset();
         }
         let read = self.plant.read(u64::from(elapsed));
@@ -254,6 +258,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             elapsed_cycles: elapsed,
             reading: reading.map(|reading| session::Reading { nominal: reading.nominal, actual: reading.actual }),
             stop: demands.stop,
+            quit: demands.quit,
             rearm: demands.rearm,
             last_write,
             arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
@@ -263,7 +268,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             None => self.endpoint.tick(&input),
         };
         // Before anything acts, so that no crash can undo a stop.
-        self.latch.set(self.phase() == Phase::Fault);
+        self.latch.set(self.is_latched());
         let parts = self.endpoint.session().demanded();
         let written = match &mut self.velocity {
             None => references.map(|references| self.plant.write(&references, &parts).map(|()| true)),
@@ -319,9 +324,15 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         &self.latch
     }
 
-    /// Releases the stop latch: the stop that was latched was no more than a quit.
-    pub fn release_latch(&mut self) {
-        self.latch.set(false);
+    /// True if core has a stop latched after the last step; before the first, as the latch was opened.
+    fn is_latched(&self) -> bool {
+        self.endpoint.output().map_or(self.latch.is_latched(), |output| output.latched)
+    }
+
+    /// True if a server that was told to quit may end: zero is in force, and the latch says what core does.
+    #[must_use]
+    pub fn may_end(&self, quit: bool) -> bool {
+        session::may_end(quit, self.is_at_zero(), self.is_latched(), self.latch.stored())
     }
 
     /// Sends the black box if it has an end: nothing more will be added to it.
@@ -355,6 +366,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             plant_failed: false,
             failure: None,
             drives: self.plant.drives(),
+            latched: output.latched,
             latch_lost: self.latch.is_lost(),
         }
     }

@@ -43,6 +43,8 @@ pub enum ServerError {
     Thread(String),
     /// The cycle thread panicked.
     Panicked,
+    /// The server has ended with all offsets at zero, and the stop latch could not be written: the next start does not know of the stop.
+    StopNotStored,
     /// The server has ended, and the machine did not take the references that bring its offsets to zero.
     StillInForce {
         /// Offsets that the machine had in force when it was heard of last, axis order.
@@ -93,6 +95,10 @@ impl fmt::Display for ServerError {
                 }
                 f.write_str("\nStop it at the machine; a server that is started again ramps what it then finds")
             }
+            Self::StopNotStored => f.write_str(
+                "all offsets are zero; the stop latch cannot be written, and the next start would not know of a stop or re-arm: \
+                 make room on the disk, and check the machine before the server is started again",
+            ),
             Self::Thread(reason) => write!(f, "the cycle thread cannot start: {reason}"),
         }
     }

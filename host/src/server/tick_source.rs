@@ -17,7 +17,7 @@ const SILENCE_NS: u64 = 1_000_000_000;
 const HANDSHAKE_SILENCE_NS: u64 = 10_000_000;
 /// Lock-step: longest wait between two polls of the sockets, ns.
 const POLL_NS: u64 = 500_000;
-/// Ticks in a row without an accepted write after which a server that is to end gives up.
+/// Ticks in a row without an accepted write, or at zero with a latch that cannot be stored, after which a server that is to end gives up.
 const QUIT_PATIENCE: u32 = 2_000;
 /// Frames of the owner per tick that are timed; further ones wait for the deadline.
 const ENOUGH_FRAMES: u8 = 4;
@@ -47,7 +47,7 @@ pub(super) fn set_up_thread(ticks: TickSource) {
 ///
 /// # Errors
 /// [`ServerError::Plant`]: the drives cannot be enabled. [`ServerError::StillInForce`]: quit is requested, and the machine has taken
-/// nothing for two seconds.
+/// nothing for two seconds. [`ServerError::StopNotStored`]: nor has the disk taken the latch, with zero in force.
 pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     mut cycle: Cycle<N, M, P>,
     ticks: TickSource,
@@ -57,9 +57,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     cycle.start()?;
     let mut timer = CycleTimer::starting_now(PERIOD_NS);
     let mut state_left_ns = now_ns();
-    let mut refused = 0;
-    // In Fault, and not only because of the quit.
-    let mut is_stopped = cycle.phase() == Phase::Fault;
+    let mut unfinished = 0;
     loop {
         let elapsed = match ticks {
             TickSource::RealTime => {
@@ -73,22 +71,24 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
         };
         cycle.receive();
         let quit = controls.quit.load(Ordering::Relaxed);
-        let stopped = controls.take_stop();
-        let demands = Demands { stop: quit || stopped, rearm: controls.take_rearm(cycle.phase()) };
-        is_stopped = stopped || cycle.phase() == Phase::Fault && (is_stopped || !quit);
+        let demands = Demands { stop: controls.take_stop(), quit, rearm: controls.take_rearm(cycle.phase()) };
         let row = cycle.step(elapsed, demands);
         state_left_ns = now_ns();
         if rows.push(row).is_err() {
             controls.dropped_rows.fetch_add(1, Ordering::Relaxed);
         }
-        refused = if cycle.write_failed() { refused + 1 } else { 0 };
-        let is_lost = refused >= QUIT_PATIENCE;
-        if quit && (cycle.is_at_zero() || is_lost) {
+        if cycle.may_end(quit) {
             cycle.send_end();
-            if !is_stopped && !is_lost {
-                cycle.release_latch();
-            }
-            return if is_lost { Err(ServerError::still_in_force(cycle.in_force())) } else { Ok(()) };
+            return Ok(());
+        }
+        unfinished = if cycle.write_failed() || quit && cycle.is_at_zero() { unfinished + 1 } else { 0 };
+        if quit && unfinished >= QUIT_PATIENCE {
+            cycle.send_end();
+            return Err(if cycle.write_failed() {
+                ServerError::still_in_force(cycle.in_force())
+            } else {
+                ServerError::StopNotStored
+            });
         }
     }
 }

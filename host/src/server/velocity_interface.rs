@@ -142,9 +142,9 @@ impl<const N: usize, const M: usize> VelocityInterface<N, M> {
 
     /// In Fault the loops stop, and a re-arm lets them run again. The first time they begin by themselves.
     const fn permit(&self, followed: &Followed<'_, N>) -> Permit {
-        let Demands { stop, rearm } = followed.demands;
+        let Demands { stop, quit, rearm } = followed.demands;
         let is_faulted = matches!(followed.phase, Phase::Fault);
-        if stop || followed.withheld || (is_faulted && !rearm) {
+        if stop || quit || followed.withheld || (is_faulted && !rearm) {
             Permit::Stop
         } else if is_faulted || !self.has_run {
             Permit::Rearm

@@ -1,13 +1,11 @@
 //! The stop latch on disk: a stop outlives the server that saw it, until somebody re-arms at the machine.
 //!
-//! The file lies beside the epoch counter. The cycle writes it in the tick that enters or leaves Fault: some bytes into an open file, which the
+//! The file lies beside the epoch counter. The cycle writes it in the tick that latches or releases a stop: some bytes into an open file, which the
 //! death of the process does not undo. A [`LatchFlusher`] in another thread flushes them: only then do they survive a power failure.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
-
-use gantry_tau_core::control::message::Phase;
 
 use super::StateError;
 use super::epoch::sync_folder;
@@ -80,6 +78,12 @@ impl StopLatch {
         self.is_lost
     }
 
+    /// Returns what the file says; `None` if the last change could not be written.
+    #[must_use]
+    pub fn stored(&self) -> Option<bool> {
+        (!self.is_lost).then_some(self.is_latched)
+    }
+
     /// Latches or releases. Does nothing if that is so already.
     pub fn set(&mut self, is_latched: bool) {
         if is_latched != self.is_latched || self.is_lost {
@@ -99,22 +103,24 @@ impl StopLatch {
 #[derive(Debug)]
 pub struct LatchFlusher {
     file: Option<File>,
-    is_fault: bool,
+    is_latched: bool,
 }
 
 impl LatchFlusher {
     /// The flusher of a latch.
     #[must_use]
     pub fn of(latch: &StopLatch) -> Self {
-        Self { file: latch.file.as_ref().and_then(|file| file.try_clone().ok()), is_fault: latch.is_latched }
+        Self { file: latch.file.as_ref().and_then(|file| file.try_clone().ok()), is_latched: latch.is_latched }
     }
 
-    /// Flushes when Fault is entered or left.
-    pub fn see(&mut self, phase: Phase) {
-        if self.is_fault != (phase == Phase::Fault) {
-            self.is_fault = !self.is_fault;
+    /// Flushes when a stop is latched or released, and returns true if it did. In a quit the phase does not tell when.
+    pub fn see(&mut self, is_latched: bool) -> bool {
+        let changed = self.is_latched != is_latched;
+        if changed {
+            self.is_latched = is_latched;
             self.flush();
         }
+        changed
     }
 
     /// Flushes.

@@ -26,11 +26,17 @@ fn check(property: fn(&FsmState, &FsmInput, &Rules)) {
     property(&any_discrete(&rules), &kani::any(), &rules);
 }
 
+/// Any fate of the latch in storage.
+fn latch_keeps_every_stop(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
+    fsm::latch_keeps_every_stop(state, fsm, rules, kani::any(), kani::any());
+}
+
 harnesses! {
     decide_keeps_the_invariant [minisat] { check(fsm::keeps_the_invariant); }
     decide_second_miss_ends [minisat] { check(fsm::second_miss_ends); }
     decide_authority_needs_zero [minisat] { check(fsm::authority_needs_zero); }
     decide_stop_leads_to_fault [minisat] { check(fsm::stop_leads_to_fault); }
+    decide_latch_keeps_every_stop [minisat] { check(latch_keeps_every_stop); }
     decide_silence_leads_to_listening [minisat] { check(fsm::silence_leads_to_listening); }
     decide_epochs_and_sequences_rise [minisat] { check(fsm::epochs_and_sequences_rise); }
     decide_no_session_ramps [minisat] { check(fsm::no_session_ramps); }

@@ -180,6 +180,8 @@ pub struct Circumstances {
     pub jump: Option<i64>,
     /// Epoch for the next session, from the one after the last.
     pub epoch: i8,
+    /// The program is to end.
+    pub quit: bool,
 }
 
 impl Machine {
@@ -372,6 +374,7 @@ impl Motion {
             elapsed_cycles: circumstances.elapsed,
             reading: (!circumstances.unread).then_some(self.reading(noise)),
             stop: circumstances.stop,
+            quit: circumstances.quit,
             rearm: circumstances.rearm,
             last_write,
             arrival_us: u16::from_ne_bytes([noise[6], noise[7]]),

@@ -42,14 +42,14 @@ prop_compose! {
 prop_compose! {
     /// Codes that are none are rare.
     fn tick_input()(
-        (elapsed_cycles, arrival_us) in any::<(u32, u16)>(),
+        (elapsed_cycles, arrival_us, quit) in (any::<u32>(), any::<u16>(), 0..3_u8),
         [reading, stop, rearm] in [0..30_u8, 0..30, 0..30].prop_map(|codes| codes.map(|code| if code == 0 { 0 } else { 1 + code % 2 })),
         last_write in prop_oneof![20 => 1..=3_u8, 1 => any::<u8>()],
         nominal_nm in uniform6(any::<i64>()),
         actual in uniform6(actual()),
         in_force in uniform6(in_force()),
     ) -> gt_tick_input {
-        gt_tick_input { elapsed_cycles, reading, stop, rearm, last_write, arrival_us, nominal_nm, actual, in_force }
+        gt_tick_input { elapsed_cycles, reading, stop, quit, rearm, last_write, arrival_us, nominal_nm, actual, in_force }
     }
 }
 

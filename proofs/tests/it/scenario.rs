@@ -61,8 +61,9 @@ prop_compose! {
     fn circumstances()(
         elapsed in prop_oneof![8 => Just(1), 4 => 0..4_u32, 1 => any::<u32>()], stop in prop::bool::weighted(0.1), rearm: bool,
         unread in prop::bool::weighted(0.05), jump in option::weighted(0.05, any::<i64>()), epoch in off(),
+        quit in prop::bool::weighted(0.05),
     ) -> Circumstances {
-        Circumstances { elapsed, stop, rearm, unread, jump, epoch }
+        Circumstances { elapsed, stop, rearm, unread, jump, epoch, quit }
     }
 }
 

@@ -208,7 +208,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
             _ => {}
         }
         self.rearms &= self.cycle.phase() == Phase::Fault;
-        Demands { stop: self.quits, rearm: self.rearms }
+        Demands { quit: self.quits, rearm: self.rearms, ..Demands::default() }
     }
 
     fn check(&mut self, row: &Row<N>, before: &[AtDrive], after: &[AtDrive]) -> Result<(), String> {

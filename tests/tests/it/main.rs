@@ -33,6 +33,7 @@ mod quit;
 mod six_axes;
 mod soak;
 mod solve_vectors;
+mod stops_and_ends;
 mod turned_platform;
 mod velocity_drives;
 mod wire_page;

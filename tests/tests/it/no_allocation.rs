@@ -64,7 +64,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
         let mut row = None;
         let counted = measure(|| {
             self.cycle.receive();
-            row = Some(self.cycle.step(1, Demands { stop, rearm: !stop }));
+            row = Some(self.cycle.step(1, Demands { stop, rearm: !stop, ..Demands::default() }));
         });
         assert_eq!((counted.count_total, counted.bytes_total), (0, 0), "the cycle allocated");
         row.unwrap()

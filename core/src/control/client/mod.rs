@@ -25,7 +25,7 @@
 //! for _ in 0..5 {
 //! #    server.feed(connection, &outgoing);
 //! #    let tick = TickInput { elapsed_cycles: 1, reading: Some(Reading::unmeasured([PositionNm(0)])), stop: false,
-//! #        rearm: false, last_write: LastWrite::Accepted, arrival_us: 0 };
+//! #        quit: false, rearm: false, last_write: LastWrite::Accepted, arrival_us: 0 };
 //! #    let _ = server.tick(&tick);
 //! #    let mut incoming = Vec::new();
 //! #    while let Some((_, frame)) = server.poll_transmit() { incoming.extend_from_slice(frame); }

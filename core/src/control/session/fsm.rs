@@ -32,6 +32,8 @@ pub struct FsmState {
     pub waited: u32,
     /// In Fault: the re-arm was seen released, so that a stuck one leads nowhere.
     pub rearm_released: bool,
+    /// In Fault: a stop was asserted, by other than a quit, and has not been re-armed. It outlives the process ([`may_end`]).
+    pub latched: bool,
 }
 
 impl FsmState {
@@ -40,7 +42,8 @@ impl FsmState {
     /// misses are counted while commands are due, never reach two, and are what the history says of the last deadline;
     /// a session that still waits for its first command has no history;
     /// waiting is counted in the handshake only, and never reaches its limit;
-    /// the release of the re-arm is diagnostics in Fault only.
+    /// the release of the re-arm is diagnostics in Fault only;
+    /// a stop is latched in Fault only.
     #[must_use]
     pub fn is_valid(&self, handshake_ticks: u32) -> bool {
         let owner = match self.phase {
@@ -55,8 +58,8 @@ impl FsmState {
         } else {
             self.waited == 0
         };
-        let rearm = self.phase == Phase::Fault || !self.rearm_released;
-        owner && misses && waited && rearm
+        let fault = self.phase == Phase::Fault || !self.rearm_released && !self.latched;
+        owner && misses && waited && fault
     }
 
     /// True if a session is running: granted, and not over.
@@ -72,8 +75,10 @@ impl FsmState {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct FsmInput {
-    /// A stop is asserted, at the machine or by the owner.
+    /// A stop is asserted: at the machine, by the owner, or because the machine was not read or has not taken its references.
     pub stop: bool,
+    /// The server is to end, which ramps as a stop does and latches nothing.
+    pub quit: bool,
     /// The re-arm at the machine is pressed.
     pub rearm: bool,
     /// The nominal reference stepped above its limit.
@@ -154,7 +159,7 @@ pub fn decide(state: &FsmState, input: &FsmInput, rules: &Rules) -> Decision {
         owner: if input.closed || input.framing || input.flood { None } else { state.owner },
         ..*state
     };
-    if input.stop || input.nominal_fault || state.phase == Phase::Fault {
+    if input.stop || input.quit || input.nominal_fault || state.phase == Phase::Fault {
         return decide_fault(now, input);
     }
     match state.phase {
@@ -166,18 +171,23 @@ pub fn decide(state: &FsmState, input: &FsmInput, rules: &Rules) -> Decision {
     }
 }
 
-/// Stopped, or a faulty nominal, or still in Fault. Only a re-arm that was released since Fault began leads out:
-/// one that was pressed before, or is stuck, would make the stop pass unnoticed.
+/// Stopped, or to end, or a faulty nominal, or still in Fault. Only a re-arm that was released since Fault began leads out:
+/// one that was pressed before, or is stuck, would make the stop pass unnoticed. Whatever asserted it but a quit is latched, in the
+/// tick of the assertion: the phase alone would not tell a stop during a quit from the quit.
 fn decide_fault(now: FsmState, input: &FsmInput) -> Decision {
     let asserted = input.stop || input.nominal_fault;
     let rearmed = input.rearm && now.rearm_released;
-    if now.phase == Phase::Fault && rearmed && input.all_zero && !asserted {
+    if now.phase == Phase::Fault && rearmed && input.all_zero && !asserted && !input.quit {
         return listen(now);
     }
-    let cause = if input.stop { Cause::Stop } else { Cause::Nominal };
+    let cause = if input.stop || input.quit { Cause::Stop } else { Cause::Nominal };
     let end = (now.phase != Phase::Fault).then_some(EndReason::Because(cause));
     Decision {
-        next: FsmState { rearm_released: now.rearm_released || !input.rearm, ..retire(now, Phase::Fault) },
+        next: FsmState {
+            rearm_released: now.rearm_released || !input.rearm,
+            latched: now.latched || asserted,
+            ..retire(now, Phase::Fault)
+        },
         action: Action::Ramp,
         end,
     }
@@ -309,8 +319,15 @@ const fn retire(now: FsmState, phase: Phase) -> FsmState {
 /// Listens again: every channel is at zero.
 const fn listen(now: FsmState) -> Decision {
     Decision {
-        next: FsmState { owner: None, rearm_released: false, ..retire(now, Phase::Listening) },
+        next: FsmState { owner: None, rearm_released: false, latched: false, ..retire(now, Phase::Listening) },
         action: Action::Hold,
         end: None,
     }
+}
+
+/// True if a server that was told to `quit` may end: references without offsets are in force (`at_zero`), and what is `stored` of the
+/// latch, `None` if that is unknown, is what the state says.
+#[must_use]
+pub fn may_end(quit: bool, at_zero: bool, latched: bool, stored: Option<bool>) -> bool {
+    quit && at_zero && stored == Some(latched)
 }

@@ -98,8 +98,10 @@ pub struct TickInput<const N: usize> {
     /// Nominal references and measurements; `None` when the machine could not be read, which stops: the last nominal references
     /// stand, and count as in force until the machine is read again.
     pub reading: Option<Reading<N>>,
-    /// The stop at the machine is asserted.
+    /// The stop at the machine is asserted. It is latched until a re-arm ([`Output::latched`]).
     pub stop: bool,
+    /// The program is to end: ramps as a stop does, and latches nothing. Held until the program ends.
+    pub quit: bool,
     /// The re-arm at the machine is pressed. It counts only after it was seen released in the fault: a stuck one re-arms nothing.
     pub rearm: bool,
     /// Fate of the references of the last tick.
@@ -139,6 +141,7 @@ impl<const N: usize> Input<N> {
                 elapsed_cycles: 1,
                 reading: Some(Reading::unmeasured([PositionNm(0); N])),
                 stop: false,
+                quit: false,
                 rearm: false,
                 last_write: LastWrite::Accepted,
                 arrival_us: 0,
@@ -187,6 +190,9 @@ pub struct Output<const N: usize> {
     pub close: Option<Connection>,
     /// Cause of an end of a session, or of a stop, in this tick.
     pub ended: Option<Cause>,
+    /// A stop is latched: asserted by other than a quit, and not re-armed. To be stored before the references are written, and given to
+    /// the next session's [`super::Start::stop_latched`], in this process or a later one.
+    pub latched: bool,
 }
 
 impl<const N: usize> Output<N> {
@@ -214,6 +220,7 @@ impl<const N: usize> Output<N> {
             refusals: Refusals::new(),
             close: None,
             ended: None,
+            latched: false,
         }
     }
 

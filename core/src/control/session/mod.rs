@@ -32,6 +32,7 @@ use fsm::FsmState;
 use ingress::{Accepted, Classifier, Diagnostics};
 use step::{Known, Outcome, Step, all_zero, step};
 
+pub use fsm::may_end;
 pub use io::{Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Reading, Refusals, TickInput};
 pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};
@@ -188,6 +189,7 @@ impl<const N: usize> Session<N> {
             history: 0,
             waited: 0,
             rearm_released: false,
+            latched: start.stop_latched,
         };
         let parts = Parts {
             discrete,
@@ -352,6 +354,7 @@ impl<const N: usize> Session<N> {
         output.owner = decision.next.owner;
         output.close = before.owner.filter(|_| before.owner != output.owner);
         output.ended = decision.end.map(|_| self.parts.cause);
+        output.latched = decision.next.latched;
         output.answer(&before, &decision, &fsm, &diagnostics.refusals);
         output
     }

@@ -169,6 +169,7 @@ fn complete<const N: usize>(accepted: FsmInput, all_zero: bool, tick: &TickInput
     let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
     FsmInput {
         stop: accepted.stop || tick.stop || outage,
+        quit: tick.quit,
         rearm: tick.rearm,
         skipped: tick.cycles().saturating_sub(1),
         all_zero,

@@ -51,7 +51,7 @@ pub const GT_SERVER_SIZE_6: usize = 11_520;
 /// Bytes of a server with 3 axes and a black box.
 pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 387_328;
 /// Bytes of a server with 6 axes and a black box, the largest server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 580_096;
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 581_120;
 
 /// A server; its memory is the caller's.
 pub struct gt_server(());

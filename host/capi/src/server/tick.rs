@@ -75,6 +75,8 @@ pub struct gt_tick_input {
     pub reading: u8,
     /// The stop at the machine: GT_RELEASED or GT_PRESSED.
     pub stop: u8,
+    /// Not 0: the program is to end, which ramps as a stop does and latches nothing. Hold it until the program ends.
+    pub quit: u8,
     /// The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
     pub rearm: u8,
     /// Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or GT_WRITE_UNKNOWN.
@@ -245,6 +247,9 @@ pub struct gt_tick_output {
     pub owner: u64,
     /// Cause of an end of a session, or of a stop, in this tick; GT_CAUSE_NONE without one.
     pub ended: gt_cause,
+    /// Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors are written; it is the `stop_latched` of
+    /// the next start, in this process or a later one.
+    pub latched: u8,
     /// State after the tick.
     pub state: gt_state,
 }
@@ -275,6 +280,7 @@ impl gt_tick_input {
                 other => return Err(refused(other, gt_parameter::Reading)),
             },
             stop: pressed(self.stop, gt_parameter::Stop)?,
+            quit: self.quit != 0,
             rearm: pressed(self.rearm, gt_parameter::Rearm)?,
             last_write: match self.last_write {
                 GT_WRITE_ACCEPTED => LastWrite::Accepted,
@@ -307,6 +313,7 @@ impl gt_tick_output {
             has_owner: output.owner.is_some().into(),
             owner: output.owner.map_or(0, |owner| owner.0),
             ended: output.ended.unwrap_or_default().into(),
+            latched: output.latched.into(),
             state: (&output.state).into(),
         }
     }

@@ -109,11 +109,11 @@ fn an_overload_trips_the_drive_and_only_a_reset_brings_it_back() {
 
     // A stop that is held keeps the drives from their reset.
     let mut again = Vec::new();
-    again.extend((0..50).map(|_| server.step(1, Demands { stop: true, rearm: true })));
+    again.extend((0..50).map(|_| server.step(1, Demands { stop: true, rearm: true, ..Demands::default() })));
     assert!(again.iter().all(|row| row.drives.unwrap()[axis] == DriveState::Fault));
     again.push(server.step(1, Demands::default()));
     let listening = (0..10_000).find(|_| {
-        let row = server.step(1, Demands { stop: false, rearm: true });
+        let row = server.step(1, Demands { stop: false, rearm: true, ..Demands::default() });
         again.push(row);
         row.state.phase == Phase::Listening
     });

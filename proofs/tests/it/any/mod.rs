@@ -113,7 +113,7 @@ prop_compose! {
     /// Any valid discrete state; fields that the phase excludes are corrected.
     pub(crate) fn discrete(handshake_ticks: u32)(
         phase in select(Phase::ALL), connection in connection(), owned: bool, epoch in number(), accepted in number(),
-        tick in number(), history: u128, waited in 0..handshake_ticks, released: bool,
+        tick in number(), history: u128, waited in 0..handshake_ticks, released: bool, latched: bool,
     ) -> FsmState {
         let running = matches!(phase, Phase::Submit | Phase::Obtain);
         let live = running || phase == Phase::Handshake;
@@ -129,6 +129,7 @@ prop_compose! {
             history,
             waited: if phase == Phase::Handshake { waited } else { 0 },
             rearm_released: released && phase == Phase::Fault,
+            latched: latched && phase == Phase::Fault,
         }
     }
 }
@@ -148,9 +149,9 @@ prop_compose! {
         command in option::of((number().prop_map(Sequence), mode())),
         hello in option::of((connection(), number().prop_map(Epoch))),
         skipped in prop_oneof![6 => Just(0), 1 => 1..3_u32, 1 => any::<u32>()],
-        (rearm, all_zero) in any::<(bool, bool)>(),
+        (rearm, all_zero) in any::<(bool, bool)>(), quit in rare(),
     ) -> FsmInput {
-        FsmInput { stop, rearm, nominal_fault, framing, flood, closed, goodbye, command, hello, skipped, all_zero }
+        FsmInput { stop, quit, rearm, nominal_fault, framing, flood, closed, goodbye, command, hello, skipped, all_zero }
     }
 }
 
@@ -269,15 +270,10 @@ pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>
         (uniform::<_, N>(nominal), uniform::<_, N>(actual())).prop_map(|(nominal, actual)| Reading { nominal, actual });
     let reading = option::weighted(0.95, reading);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
-    let flags = (rare(), any::<bool>());
+    let flags = (rare(), rare(), any::<bool>());
     let rest = (flags, last_write(), any::<u16>());
-    (reading, elapsed, rest).prop_map(|(reading, elapsed_cycles, ((stop, rearm), last_write, arrival_us))| TickInput {
-        elapsed_cycles,
-        reading,
-        stop,
-        rearm,
-        last_write,
-        arrival_us,
+    (reading, elapsed, rest).prop_map(|(reading, elapsed_cycles, ((stop, quit, rearm), last_write, arrival_us))| {
+        TickInput { elapsed_cycles, reading, stop, quit, rearm, last_write, arrival_us }
     })
 }
 

@@ -77,6 +77,7 @@ impl CycleInput {
                 elapsed_cycles: 1,
                 reading: Some(Reading::unmeasured([PositionNm(0); AXES])),
                 stop: false,
+                quit: false,
                 rearm: false,
                 last_write: LastWrite::Accepted,
                 arrival_us: 0,

@@ -50,7 +50,7 @@ fn an_outage_is_logged_once_and_the_next_one_again() {
         assert_eq!(lines.take(), (1, no_answer()), "{lost} frames");
         server.next_frames(Faults::default());
         while server.cycle.phase() == Phase::Fault {
-            let row = server.step(Demands { stop: false, rearm: true });
+            let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
             lines.see(&mut server, &row);
         }
         let (machine, bus) = lines.take();

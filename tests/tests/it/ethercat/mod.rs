@@ -118,7 +118,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
     /// Ticks with the re-arm pressed until the server listens.
     fn rearm(&mut self) -> u32 {
         for tick in 0..60_000 {
-            if self.step(Demands { stop: false, rearm: true }).state.phase == Phase::Listening {
+            if self.step(Demands { stop: false, rearm: true, ..Demands::default() }).state.phase == Phase::Listening {
                 return tick;
             }
         }

@@ -8,7 +8,7 @@ use super::bytes::{Put, fields, seeds, variants};
 fields!(Scenario: machine, in_force, late_in_life, ops);
 fields!(Machine: rates, reach, nominal_step, budget, echo_window, handshake_ticks, lockstep);
 fields!(Rates: max, ramp, step, accel, scale);
-fields!(Circumstances: elapsed, stop, rearm, unread, jump, epoch);
+fields!(Circumstances: elapsed, stop, rearm, unread, jump, epoch, quit);
 
 impl<A: Put, B: Put> Put for (A, B) {
     fn put(&self, bytes: &mut Vec<u8>) {
@@ -61,7 +61,7 @@ const MACHINE: Machine = {
 const PUSH: Shares = [[90, 50, -50], [-40, 0, 0]];
 const HELLO: ClientAction = ClientAction::Hello { axes: 0, capabilities: 0 };
 const TICK: Circumstances =
-    Circumstances { elapsed: 1, stop: false, rearm: false, unread: false, jump: None, epoch: 0 };
+    Circumstances { elapsed: 1, stop: false, rearm: false, unread: false, jump: None, epoch: 0, quit: false };
 
 fn command(ahead: i32, behind: i8) -> ClientAction {
     ClientAction::Command { epoch: 0, ahead, behind, obtain: true, targets: PUSH }
@@ -84,6 +84,7 @@ fn obtained(then: &[Op]) -> Vec<Op> {
 pub(crate) fn seeds() -> Vec<Seed> {
     let elapsed = |elapsed| Op::Tick(Circumstances { elapsed, ..TICK });
     let stop = Op::Tick(Circumstances { stop: true, ..TICK });
+    let quit = Op::Tick(Circumstances { quit: true, ..TICK });
     let rearm = Op::Tick(Circumstances { rearm: true, ..TICK });
     let unread = Op::Tick(Circumstances { unread: true, ..TICK });
     let refused = |share| Op::RefusedWrite([[share; 3]; 2]);
@@ -102,6 +103,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
             answers(false, 3)]);
         "rearm_that_is_stuck" => usual(&[Op::Tick(Circumstances { stop: true, rearm: true, ..TICK }), rearm, rearm, silence(1),
             rearm]);
+        "stop_while_it_quits" => usual(&[quit, quit, Op::Tick(Circumstances { stop: true, quit: true, ..TICK }), quit, silence(60)]);
         "stop_with_a_hello" => scenario(MACHINE, vec![Op::Say(Peer::One, HELLO), stop, other(HELLO), silence(2)]);
         "other_peer_knocks" => usual(&[other(HELLO), other(command(1, 0)), other(ClientAction::Stop { epoch: 0 }),
             other(ClientAction::Broken), answers(true, 2)]);

@@ -29,7 +29,7 @@ fn rearm(server: &mut Server) -> Vec<Row<N>> {
     server.tick();
     let mut rows = Vec::new();
     for _ in 0..20_000 {
-        rows.push(server.step(Demands { stop: false, rearm: true }));
+        rows.push(server.step(Demands { stop: false, rearm: true, ..Demands::default() }));
         if rows.last().unwrap().state.phase == Phase::Listening {
             return rows;
         }
@@ -73,9 +73,9 @@ fn a_stop_brakes_the_axes_and_a_rearm_goes_on_from_there() {
                 server.at_full_speed();
             }
             let from_m = server.positions_m();
-            let first = server.step(Demands { stop: true, rearm: false });
+            let first = server.step(Demands { stop: true, rearm: false, ..Demands::default() });
             assert_eq!((first.state.phase, first.ended), (Phase::Fault, Some(Cause::Stop)));
-            let rows = until_rest(&mut server, Demands { stop: true, rearm: false });
+            let rows = until_rest(&mut server, Demands { stop: true, rearm: false, ..Demands::default() });
             let way_mm = farthest_mm(&from_m, &server.positions_m());
             assert!(way_mm < FROM_PATH_MM && (client.is_some() || way_mm > 10.0), "{way_mm} mm");
             // Asked for: nothing has failed.
@@ -84,7 +84,10 @@ fn a_stop_brakes_the_axes_and_a_rearm_goes_on_from_there() {
             assert!(last.state.axes.iter().all(|axis| axis.offsets.position.0 == 0), "{last:?}");
             // A stop that is held holds.
             for _ in 0..50 {
-                assert_eq!(server.step(Demands { stop: true, rearm: true }).state.phase, Phase::Fault);
+                assert_eq!(
+                    server.step(Demands { stop: true, rearm: true, ..Demands::default() }).state.phase,
+                    Phase::Fault
+                );
             }
             rearm(&mut server);
             client = None;
@@ -227,7 +230,7 @@ fn the_black_box_of_a_stop_replays() {
     let (sender, mut windows) = swap_channel::channel();
     server.cycle = server.cycle.with_black_box(sender);
     server.at_full_speed();
-    server.step(Demands { stop: true, rearm: false });
+    server.step(Demands { stop: true, rearm: false, ..Demands::default() });
     until_rest(&mut server, Demands::default());
     for _ in 0..100 {
         server.tick();
@@ -270,15 +273,15 @@ fn the_black_box_of_a_stop_replays() {
 fn a_rearm_away_from_the_axis_moves_nothing_and_names_the_reason() {
     let mut server = Server::moving();
     server.at_full_speed();
-    server.step(Demands { stop: true, rearm: false });
+    server.step(Demands { stop: true, rearm: false, ..Demands::default() });
     until_rest(&mut server, Demands::default());
     server.bus.is_misread.store(true, Ordering::Relaxed);
     let stands_m = server.positions_m();
     for _ in 0..500 {
-        let row = server.step(Demands { stop: false, rearm: true });
+        let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
         assert_eq!(row.state.phase, Phase::Fault);
     }
-    let row = server.step(Demands { stop: false, rearm: true });
+    let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
     assert!(row.failure.unwrap().to_string().contains("further from its reference than its window"), "{row:?}");
     assert!(farthest_mm(&stands_m, &server.positions_m()) < 0.001);
     server.bus.is_misread.store(false, Ordering::Relaxed);

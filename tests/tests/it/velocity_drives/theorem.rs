@@ -51,7 +51,7 @@ fn the_velocity_in_force_makes_no_step() {
 fn nobody_is_granted_a_session_while_the_axes_stand() {
     let mut server = Server::moving();
     server.at_full_speed();
-    server.step(Demands { stop: true, rearm: false });
+    server.step(Demands { stop: true, rearm: false, ..Demands::default() });
     let mut client = Client::<N>::connect(server.cycle.address().unwrap());
     client.say_hello();
     wait_for("the refusal", || server.tick().refused > 0);

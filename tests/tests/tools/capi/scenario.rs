@@ -118,7 +118,7 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         for phase in Phase::ALL {
             assert!(expected.contains(&format!("\"phase\":\"{}\"", phase.name())), "{phase} was never reached");
         }
-        let ended = |cause: &&Cause| **cause != Cause::None && expected.contains(&format!("ended {}\n", cause.name()));
+        let ended = |cause: &&Cause| **cause != Cause::None && expected.contains(&format!("ended {} ", cause.name()));
         assert!(Cause::ALL.iter().filter(ended).count() >= 5, "few causes");
         assert!(expected.contains("write 0\n"), "references were never withheld");
         self.recorded
@@ -253,6 +253,7 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             }),
             // In the fault both at once, too.
             stop: self.one_in(if faulted { 8 } else { 500 }),
+            quit: self.one_in(if faulted { 8 } else { 1_000 }),
             rearm: self.one_in(if faulted { 2 } else { 100 }),
             last_write,
             arrival_us: u16::try_from(self.noise.below(1_000)).unwrap(),
@@ -323,7 +324,8 @@ impl<const N: usize> Recorded<N> {
         let switch = |pressed| if pressed { 2 } else { 1 };
         let (stop, rearm) = (switch(input.stop), switch(input.rearm));
         let read = if input.reading.is_some() { 1 } else { 2 };
-        let first = format!("t {} {read} {stop} {rearm} {last_write} {}", input.elapsed_cycles, input.arrival_us);
+        let (elapsed, quit, arrival_us) = (input.elapsed_cycles, u8::from(input.quit), input.arrival_us);
+        let first = format!("t {elapsed} {read} {stop} {quit} {rearm} {last_write} {arrival_us}");
         self.script.push_str(&first);
         let reading = input.reading.unwrap_or(Reading::unmeasured([PositionNm(-1); N]));
         for (nominal, Actual { position, velocity, torque }) in reading.nominal.iter().zip(&reading.actual) {
@@ -345,7 +347,12 @@ impl<const N: usize> Recorded<N> {
         let (has_owner, owner) = output.owner.map_or((0, 0), |owner| (1, owner.0));
         let (refused, welcomed) = (output.refusals.len(), u8::from(output.welcome.is_some()));
         let ended = output.ended.unwrap_or_default().name();
-        writeln!(text, "refused {refused} welcomed {welcomed} owner {has_owner} {owner} ended {ended}").unwrap();
+        let latched = u8::from(output.latched);
+        writeln!(
+            text,
+            "refused {refused} welcomed {welcomed} owner {has_owner} {owner} ended {ended} latched {latched}"
+        )
+        .unwrap();
         writeln!(text, "{}", serde_json::to_string(&output.state).unwrap()).unwrap();
     }
 }

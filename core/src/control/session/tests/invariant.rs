@@ -31,7 +31,7 @@ fn channel<U: ChannelUnit>(value: i32, change: i32) -> Channel<U> {
 #[test]
 fn every_clause_of_the_invariant_counts() {
     type Break = fn(&mut Parts<2>);
-    let breaks: [(Phase, Break); 23] = [
+    let breaks: [(Phase, Break); 24] = [
         (Listening, |parts| parts.discrete.owner = Some(OWNER)),
         (Handshake, |parts| parts.discrete.owner = None),
         (Submit, |parts| parts.discrete.owner = None),
@@ -44,6 +44,7 @@ fn every_clause_of_the_invariant_counts() {
         (Handshake, |parts| parts.discrete.history = 2),
         (Obtain, |parts| parts.discrete.waited = 1),
         (Listening, |parts| parts.discrete.rearm_released = true),
+        (SafeDisconnect, |parts| parts.discrete.latched = true),
         (Obtain, |parts| parts.withheld = true),
         (Obtain, |parts| parts.axes[0].channels.position = channel(1_000_001, 0)),
         (Obtain, |parts| parts.axes[1].channels.position = channel(0, 5_001)),
