@@ -23,7 +23,11 @@
  * TIME. No call blocks, locks, allocates, or calls back into C. Every loop is bounded by a constant or by a length from the caller.
  *
  * FLOATING POINT. Any number may be passed, NaN and infinities included: the result is an error, never undefined behaviour. Results are
- * finite. All functions may be called from interrupts that save the floating-point registers.
+ * finite. All functions may be called from interrupts that save the floating-point registers. The environment must be the one that C starts
+ * with, exceptions masked: with one unmasked (feenableexcept), NaN or an unreachable pose is a trap (SIGFPE) and not an error; use feholdexcept
+ * and fesetenv around calls then. Rounding mode, flush-to-zero and the precision of the x87 change no position by a nanometre in the tests.
+ *
+ * PADDING of every result is zero.
  *
  * UNITS. References, and positions of axes in kinematics and compensation, are integers: nm, um/s and per mille of rated torque. Poses
  * and loads are in SI units. Data of a machine, Jacobians, and loads on axes are per q-unit: metres for a cart whose guideway has unit
@@ -106,6 +110,9 @@
 
 // Bytes of a server with 6 axes and a black box, the largest server.
 #define GT_SERVER_SIZE_6_BLACK_BOX 581120
+
+// Largest distance of a drive from what gt_start says is in force, nm.
+#define GT_START_WINDOW_NM 1000000
 
 // Longest frame, bytes.
 #define GT_MAX_FRAME 394
@@ -206,6 +213,9 @@ enum gt_code
   // An offset in force is beyond its limits: the server must not start.
   // `index`: axis, `value`: its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
   GT_CODE_START_OFFSET_IN_FORCE = 300,
+  // The first tick has no reading, or an axis stands further than GT_START_WINDOW_NM from what gt_start says is in force. Nothing may be written.
+  // `index`: axis, or -1 without a reading, `value`: distance, nm.
+  GT_CODE_START_DISAGREES = 301,
   // A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis, `upper`: number of axes.
   GT_CODE_MOTOR_MAP = 400,
   // GT_MAX_CONNECTIONS are open. Send the frame of gt_server_refusal to the peer.
@@ -796,6 +806,18 @@ typedef struct gt_tick_output {
   struct gt_state state;
 } gt_tick_output;
 
+// References of a cycle in which no tick is run.
+typedef struct gt_held {
+  // Not 0: write `motors` to the drives. 0: nothing may be written.
+  uint8_t write;
+  // Not 0: `motors` are on the nominal references of this cycle; 0: on those of the last tick.
+  uint8_t follows;
+  // Number of motors.
+  uint32_t motor_count;
+  // References of every motor; unused entries are zero, all of them if `write` is 0.
+  struct gt_reference motors[GT_MAX_MOTORS];
+} gt_held;
+
 // Contents of a black box.
 typedef struct gt_black_box {
   // Ticks recorded, at most 3 GT_BLACK_BOX_TICKS.
@@ -1124,11 +1146,25 @@ gt_code gt_server_set_epochs(struct gt_server *server, uint64_t first, uint64_t 
 // Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
 // returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 //
+// The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not stand at what gt_start says is in force.
+//
 // Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
 // GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. After an error nothing has changed.
 gt_code gt_server_tick(struct gt_server *server,
                        const struct gt_tick_input *input,
                        struct gt_tick_output *output,
+                       struct gt_error *error);
+
+// Returns the references of a cycle in which no tick is run, for a thread that calls in a burst after a delay: the offsets of the last tick on
+// the nominal references of this cycle, within the machine's travel. If one of them is further from that of the last tick than its limit in
+// `elapsed_cycles` cycles, all of them stay. Nothing changes: the next tick counts the cycle in its own `elapsed_cycles`.
+//
+// Of `input`, `elapsed_cycles` and `nominal_nm` are read.
+//
+// Errors: GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+gt_code gt_server_hold(struct gt_server *server,
+                       const struct gt_tick_input *input,
+                       struct gt_held *output,
                        struct gt_error *error);
 
 // Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in force.

@@ -64,6 +64,9 @@ pub enum gt_code {
     /// An offset in force is beyond its limits: the server must not start.
     /// `index`: axis, `value`: its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
     StartOffsetInForce = 300,
+    /// The first tick has no reading, or an axis stands further than GT_START_WINDOW_NM from what gt_start says is in force. Nothing may be written.
+    /// `index`: axis, or -1 without a reading, `value`: distance, nm.
+    StartDisagrees = 301,
 
     /// A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis, `upper`: number of axes.
     MotorMap = 400,
@@ -127,7 +130,7 @@ pub enum gt_code {
 }
 
 /// Codes and their names.
-const NAMES: [(gt_code, &CStr); 52] = {
+const NAMES: [(gt_code, &CStr); 53] = {
     use gt_code as Code;
     [
         (Code::Ok, c"GT_CODE_OK"),
@@ -156,6 +159,7 @@ const NAMES: [(gt_code, &CStr); 52] = {
         (Code::ConfigTravel, c"GT_CODE_CONFIG_TRAVEL"),
         (Code::ConfigMargin, c"GT_CODE_CONFIG_MARGIN"),
         (Code::StartOffsetInForce, c"GT_CODE_START_OFFSET_IN_FORCE"),
+        (Code::StartDisagrees, c"GT_CODE_START_DISAGREES"),
         (Code::MotorMap, c"GT_CODE_MOTOR_MAP"),
         (Code::Full, c"GT_CODE_FULL"),
         (Code::RobotNotFinite, c"GT_CODE_ROBOT_NOT_FINITE"),

@@ -5,6 +5,7 @@
 //! | [`code`] | one code per error |
 //! | [`error`] | core's errors as codes with their fields |
 //! | [`memory`] | pointers from C, and objects in the caller's memory |
+//! | `padding` | bytes of results that no field has |
 //! | [`server`] | the session: bytes in, references out, then bytes out |
 //! | [`black_box`] | the recorded ticks as parts of a file |
 //! | [`machine`] | poses, loads and springs |
@@ -47,6 +48,7 @@ pub mod f1;
 pub mod l2;
 pub mod machine;
 pub mod memory;
+mod padding;
 pub mod sensor;
 pub mod server;
 #[cfg(feature = "verification")]

@@ -8,6 +8,7 @@ use core::ptr::NonNull;
 
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
+use crate::padding::Padded;
 
 /// Alignment for every object on every target; that of malloc and GT_MEMORY.
 pub const GT_ALIGN: usize = 16;
@@ -32,12 +33,17 @@ pub(crate) unsafe fn reply(error: *mut gt_error, call: impl FnOnce() -> Reply) -
 /// # Safety
 /// As [`reply`], for `result` too.
 #[inline(always)]
-pub(crate) unsafe fn answer<T>(result: *mut T, error: *mut gt_error, call: impl FnOnce() -> Reply<T>) -> gt_code {
+pub(crate) unsafe fn answer<T: Padded>(
+    result: *mut T,
+    error: *mut gt_error,
+    call: impl FnOnce() -> Reply<T>,
+) -> gt_code {
     // SAFETY: the caller's promise.
     unsafe {
         reply(error, || {
             let place = checked(result)?;
             place.write(call()?);
+            T::clear(place.as_ptr());
             Ok(())
         })
     }
@@ -101,10 +107,13 @@ fn start(pointer: *const u8, length: usize) -> Reply<NonNull<u8>> {
 ///
 /// # Safety
 /// `pointer` is null, or misaligned, or points to a place for a `T`.
-pub(crate) unsafe fn put_some<T>(pointer: *mut T, answer: T) {
+pub(crate) unsafe fn put_some<T: Padded>(pointer: *mut T, answer: T) {
     if let Ok(place) = checked(pointer) {
         // SAFETY: neither null nor misaligned, so it points to such a place.
-        unsafe { place.write(answer) };
+        unsafe {
+            place.write(answer);
+            T::clear(place.as_ptr());
+        }
     }
 }
 

@@ -288,6 +288,49 @@ static void servers(void)
     REFUSE(box.ticks != 0 || box.parts != 0 || box.frozen)
     EXPECT(OK, gt_server_black_box_release(server));
 
+    /* What is said to be in force is compared with where the drives stand, until they agree. */
+    start.in_force[2].nominal_nm = 1500000;
+    start.in_force[2].offsets.position_nm = -2000;
+    EXPECT(OK, gt_server_init(&memory, GT_SERVER_SIZE_6, &config, &start, &server, &error));
+    EXPECT(START_DISAGREES, gt_server_tick(server, &input, &output, &error));
+    ABOUT(2, NONE, 1498000);
+    input.actual[2].position_nm = 2498001;
+    EXPECT(START_DISAGREES, gt_server_tick(server, &input, &output, &error));
+    ABOUT(2, NONE, 1000001);
+    input.actual[2].position_nm = 2498000;
+    input.actual[3].position_nm = INT64_MIN;
+    EXPECT(START_DISAGREES, gt_server_tick(server, &input, &output, &error));
+    ABOUT(3, NONE, UINT32_MAX);
+    input.actual[3].position_nm = 0;
+    input.reading = GT_READING_FAILED;
+    EXPECT(START_DISAGREES, gt_server_tick(server, &input, &output, &error));
+    ABOUT(-1, NONE, 0);
+    EXPECT(DONE, gt_server_poll_transmit(server, &frame));
+    {
+        gt_held held;
+        EXPECT(OK, gt_server_hold(server, &input, &held, &error));
+        REFUSE(held.write || held.follows || held.motor_count != 6 || held.motors[2].position_nm != 0)
+        EXPECT(NULL_POINTER, gt_server_hold(server, NULL, &held, NULL));
+        EXPECT(NULL_POINTER, gt_server_hold(server, &input, NULL, NULL));
+        EXPECT(NO_OBJECT, gt_server_hold((gt_server *)(memory.bytes + 64), &input, &held, NULL));
+        input.reading = GT_READING_DONE;
+        EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+        /* The path is elsewhere: what is in force stands. */
+        REFUSE(output.state.tick != 1 || output.motors[2].position_nm != 1498100)
+        /* Afterwards a measurement may be lost or far away. */
+        input.actual[2].position_nm = 0;
+        EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+        input.elapsed_cycles = 1;
+        input.nominal_nm[2] = 1500000;
+        EXPECT(OK, gt_server_hold(server, &input, &held, &error));
+        REFUSE(!held.write || !held.follows || held.motors[2].position_nm != output.motors[2].position_nm)
+        input.nominal_nm[2] = 1500001; /* nominal_step_nm is 0 */
+        EXPECT(OK, gt_server_hold(server, &input, &held, &error));
+        REFUSE(!held.write || held.follows || held.motors[2].position_nm != output.motors[2].position_nm)
+        memset(input.nominal_nm, 0, sizeof input.nominal_nm);
+    }
+    memset(&start, 0, sizeof start);
+
     /* A latched stop starts in Fault. */
     start.stop_latched = 1;
     EXPECT(OK, gt_server_init(&memory, GT_SERVER_SIZE_6, &config, &start, &server, &error));

@@ -20,10 +20,10 @@ use heapless::Vec;
 use crate::control::axis::{Offsets, Reference};
 use crate::control::message::{ClientMessage, PROTOCOL_VERSION, Refusal, ServerMessage};
 use crate::control::session::{
-    Connection, EVENTS, Event, Input, LastWrite, NoRecorder, Output, Record, Session, TickInput,
+    Connection, EVENTS, Event, Held, Input, LastWrite, NoRecorder, Output, Record, Session, TickInput,
 };
 use crate::control::wire::{FrameBytes, Kind, encode_server};
-use crate::units::EpochRange;
+use crate::units::{EpochRange, PositionNm};
 use crate::zip::each;
 
 use slot::Slot;
@@ -286,6 +286,19 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         self.mark_closed();
         self.close_lost_owner();
         references
+    }
+
+    /// Returns the reference of each motor for a cycle in which no tick is run, `cycles` after the last one ([`Session::hold`]): a late thread that
+    /// calls in a burst, for instance. `None`: nothing may be written, before the first tick or after references that are not in force.
+    ///
+    /// Tell the next tick the nominal references that were followed, or those of the tick before.
+    #[must_use = "the references must be written to the drives"]
+    pub fn hold(&self, nominal: &[PositionNm; N], cycles: u32) -> Option<Held<MOTORS>> {
+        if self.refused || self.output.is_none() {
+            return None;
+        }
+        let Held { references, follows } = self.session.hold(nominal, cycles);
+        Some(Held { references: self.motors.spread(&references)?, follows })
     }
 
     /// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in

@@ -11,6 +11,7 @@ pub(crate) mod channels;
 pub mod config;
 mod diagnostics;
 pub(crate) mod fsm;
+mod hold;
 pub(crate) mod ingress;
 mod io;
 pub mod recorder;
@@ -33,6 +34,7 @@ use ingress::{Accepted, Classifier, Diagnostics};
 use step::{Known, Outcome, Step, all_zero, step};
 
 pub use fsm::may_end;
+pub use hold::Held;
 pub use io::{Connection, EVENTS, Event, Events, Input, LastWrite, OWNER_FRAMES, Output, Reading, Refusals, TickInput};
 pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};

@@ -17,7 +17,8 @@ pub use frame::{GT_MAX_FRAME, gt_datagram_is_hello, gt_frame};
 pub use tick::{
     GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED, GT_FLAG_TRAVEL, GT_FLAG_VELOCITY_LIMITED,
     GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN,
-    gt_actual, gt_axis_state, gt_cause, gt_counters, gt_phase, gt_reference, gt_state, gt_tick_input, gt_tick_output,
+    gt_actual, gt_axis_state, gt_cause, gt_counters, gt_held, gt_phase, gt_reference, gt_state, gt_tick_input,
+    gt_tick_output,
 };
 
 use running::{HALF, NONE, Running};
@@ -52,6 +53,9 @@ pub const GT_SERVER_SIZE_6: usize = 11_520;
 pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 387_328;
 /// Bytes of a server with 6 axes and a black box, the largest server.
 pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 581_120;
+
+/// Largest distance of a drive from what gt_start says is in force, nm.
+pub const GT_START_WINDOW_NM: u64 = 1_000_000;
 
 /// A server; its memory is the caller's.
 pub struct gt_server(());
@@ -242,6 +246,8 @@ pub unsafe extern "C" fn gt_server_set_epochs(server: *mut gt_server, first: u64
 /// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
 /// returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
 ///
+/// The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not stand at what gt_start says is in force.
+///
 /// Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
 /// GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. After an error nothing has changed.
 #[unsafe(no_mangle)]
@@ -256,6 +262,29 @@ pub unsafe extern "C" fn gt_server_tick(
         answer(output, error, || {
             let input = read(input)?;
             ask!(server, server => server.tick(input))
+        })
+    }
+}
+
+/// Returns the references of a cycle in which no tick is run, for a thread that calls in a burst after a delay: the offsets of the last tick on
+/// the nominal references of this cycle, within the machine's travel. If one of them is further from that of the last tick than its limit in
+/// `elapsed_cycles` cycles, all of them stay. Nothing changes: the next tick counts the cycle in its own `elapsed_cycles`.
+///
+/// Of `input`, `elapsed_cycles` and `nominal_nm` are read.
+///
+/// Errors: GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_hold(
+    server: *mut gt_server,
+    input: *const gt_tick_input,
+    output: *mut gt_held,
+    error: *mut gt_error,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(output, error, || {
+            let input = read(input)?;
+            Ok(ask!(server, server => server.hold(&input)))
         })
     }
 }

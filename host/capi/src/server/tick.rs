@@ -3,7 +3,7 @@
 use gantry_tau_core::control::axis::{Actual, Reference};
 use gantry_tau_core::control::endpoint::CONNECTIONS;
 use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
-use gantry_tau_core::control::session::{LastWrite, Output, Reading, TickInput};
+use gantry_tau_core::control::session::{Held, LastWrite, Output, Reading, TickInput};
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 
 use super::config::{gt_in_force, gt_offsets, in_force};
@@ -101,6 +101,20 @@ pub struct gt_reference {
     pub velocity_offset_um_s: i32,
     /// Additive torque reference, per mille of rated torque.
     pub torque_offset_permille: i16,
+}
+
+/// References of a cycle in which no tick is run.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct gt_held {
+    /// Not 0: write `motors` to the drives. 0: nothing may be written.
+    pub write: u8,
+    /// Not 0: `motors` are on the nominal references of this cycle; 0: on those of the last tick.
+    pub follows: u8,
+    /// Number of motors.
+    pub motor_count: u32,
+    /// References of every motor; unused entries are zero, all of them if `write` is 0.
+    pub motors: [gt_reference; GT_MAX_MOTORS],
 }
 
 /// Phases of a session; numbers as on the wire.
@@ -293,6 +307,27 @@ impl gt_tick_input {
     }
 }
 
+impl gt_held {
+    /// Converts references, with `motors` motors in use.
+    pub(super) fn new(held: Option<&Held<GT_MAX_MOTORS>>, motors: usize) -> Self {
+        Self {
+            write: held.is_some().into(),
+            follows: held.is_some_and(|held| held.follows).into(),
+            motor_count: small(motors),
+            motors: places(held.map(|held| &held.references), motors),
+        }
+    }
+}
+
+/// References of the `motors` motors in use; the other places are zero.
+fn places(references: Option<&[Reference; GT_MAX_MOTORS]>, motors: usize) -> [gt_reference; GT_MAX_MOTORS] {
+    let mut places = [gt_reference::default(); GT_MAX_MOTORS];
+    for (to, from) in places.iter_mut().zip(references.into_iter().flatten()).take(motors) {
+        *to = (*from).into();
+    }
+    places
+}
+
 impl gt_tick_output {
     /// Converts the references and the output of a tick, with `motors` motors in use.
     pub(crate) fn new<const N: usize>(
@@ -300,14 +335,10 @@ impl gt_tick_output {
         output: &Output<N>,
         motors: usize,
     ) -> Self {
-        let mut places = [gt_reference::default(); GT_MAX_MOTORS];
-        for (to, from) in places.iter_mut().zip(references.into_iter().flatten()).take(motors) {
-            *to = (*from).into();
-        }
         Self {
             write: references.is_some().into(),
             motor_count: small(motors),
-            motors: places,
+            motors: places(references, motors),
             refused: small(output.refusals.len()),
             welcomed: output.welcome.is_some().into(),
             has_owner: output.owner.is_some().into(),

@@ -12,6 +12,7 @@
 )]
 
 mod compensation;
+mod recipes;
 mod scenario;
 mod session;
 mod target;
@@ -37,6 +38,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("header_as_cpp_by_clang++", &["clang++"], || header_as_cpp("clang++")),
         trial("session_in_valgrind", &["gcc", "valgrind"], || in_valgrind("session")),
         trial("refusals_in_valgrind", &["gcc", "valgrind"], || in_valgrind("refusals")),
+        trial("padding_in_valgrind", &["gcc", "valgrind"], || in_valgrind("padding")),
+        trial("recipes_of_the_readme", &["gcc", "python3", "sh"], recipes::work),
         trial("half_a_megabyte_is_not_on_the_stack", &["gcc", "sh"], session::on_a_small_stack),
     ];
     for compiler in ["gcc", "clang"] {
@@ -51,6 +54,10 @@ pub(crate) fn trials() -> Vec<Trial> {
                 trial(&name("compensation"), &needed, move || compensation::agrees(compiler, flags)),
                 trial(&name("random_traffic"), &needed, move || scenario::agrees(compiler, flags)),
                 trial(&name("refusals"), &needed, move || refusals(compiler, flags)),
+                trial(&name("padding"), &needed, move || ends_with("padding", " results\n", compiler, flags)),
+                trial(&name("environment"), &needed, move || {
+                    ends_with("environment", "5 environments, 0 nm, unmasked: SIGFPE\n", compiler, flags)
+                }),
             ]);
         }
     }
@@ -110,9 +117,13 @@ fn header_as_cpp(compiler: &str) -> Result<(), Failed> {
 }
 
 fn refusals(compiler: &'static str, flags: &[&str]) -> Result<(), Failed> {
-    let program = Program::compile("tests/refusals.c", compiler, flags)?;
-    let said = program.run(&[])?;
-    assert!(said.ends_with(" refusals\n"), "{said}");
+    ends_with("refusals", " refusals\n", compiler, flags)
+}
+
+/// Compiles and runs a program of `host/capi/tests`, which says this at its end.
+fn ends_with(name: &str, end: &str, compiler: &'static str, flags: &[&str]) -> Result<(), Failed> {
+    let said = Program::compile(&format!("tests/{name}.c"), compiler, flags)?.run(&[])?;
+    assert!(said.ends_with(end), "{said}");
     Ok(())
 }
 
