@@ -43,6 +43,8 @@ static int lockstep = 0;
 RTAPI_MP_INT(lockstep, "1: the thread waits for the client; for tests only");
 
 enum { ABSENT = -1 };
+/* Lateness that is a stop, periods; calls with a disagreement after which it is said: LinuxCNC's joints are at 0 until it has started. */
+enum { MAX_LATE_PERIODS = 250, SAY_AFTER = 5000 };
 /* Lock-step: silence that counts as a miss, and as a tick of the handshake; longest wait between two looks at the pins. */
 static const int64_t SILENCE_NS = 1000000000, HANDSHAKE_SILENCE_NS = 10000000, POLL_NS = 500000;
 
@@ -55,6 +57,7 @@ static GT_MEMORY(GT_SERVER_SIZE_6) memory;
 static gt_server *server;
 static gt_tick_input input;
 static gt_tick_output output;
+static gt_held held;
 static gt_frame frame;
 static struct lateness lateness;
 static uint32_t skipped;
@@ -63,17 +66,22 @@ static int has_failed;
 /* What must be connected is; the force sensor is. */
 static int is_wired;
 static int has_wrench;
+/* `gantry-tau.read` has run since the last `gantry-tau.write`. */
+static int has_fed_back;
+/* `permit` of the last call. */
+static int is_permitted;
 
 /* Function `gantry-tau.read`: LinuxCNC sees the drives without the offsets. */
 static void read_function(void *unused, long period)
 {
     drives_feedback(pins);
+    has_fed_back = 1;
 }
 
 static void fail(const char *what, gt_code code)
 {
     if (!has_failed) {
-        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s: %s; offsets stay as they are\n", what, gt_code_name(code));
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: %s: %s; references stay as they are\n", what, gt_code_name(code));
     }
     has_failed = 1;
     *pins->phase = GT_PHASE_FAULT;
@@ -107,22 +115,23 @@ static int right(int is_right, int *was_right, const char *wrong)
 static int read_drives(void)
 {
     static int was_read = 1;
-    return right(drives_read(pins, &input), &was_read, "a measurement of a drive, or a command, is not a number in range: stopped");
+    return right(drives_read(pins), &was_read, "a measurement of a drive, or a command, is not a number in range: stopped");
 }
 
-/* Starts the server where the machine is. Stopped: a stop before a restart must outlive it, and a re-arm is a decision at the machine. */
+/* Starts the server where the drives are. Stopped: a stop before a restart must outlive it, and a re-arm is a decision at the machine. */
 static int start(long period)
 {
     gt_code code;
-    if (has_failed || !read_drives()) {
+    if (!read_drives()) {
         return 0;
     }
+    drives_accept(&input);
     config.cycle_us = (uint32_t)(period / 1000);
     begin.stop_latched = 1;
     for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
         begin.in_force[joint].nominal_nm = input.nominal_nm[joint];
     }
-    drives_start(pins);
+    drives_start();
     check_wiring();
     code = gt_server_init(&memory, sizeof memory, &config, &begin, &server, NULL);
     if (code != GT_CODE_OK) {
@@ -135,6 +144,49 @@ static int start(long period)
 static int is_stopped(void)
 {
     return !*pins->enable || *pins->stop;
+}
+
+/* Says why the machine is not permitted to be switched on, once that has lasted. */
+static void say_disagreement(void)
+{
+    static int calls;
+    static char text[256]; /* not on the stack */
+    if (is_permitted || !is_wired) {
+        calls = 0;
+    } else if (calls < SAY_AFTER && ++calls == SAY_AFTER) {
+        if (!has_fed_back) {
+            snprintf(text, sizeof text, "gantry-tau.read does not run before every gantry-tau.write: addf gantry-tau.read before motion-controller");
+        } else if (drives_agree(pins, text, sizeof text)) {
+            calls = 0; /* a drive that is not read has its own line */
+            return;
+        }
+        rtapi_print_msg(RTAPI_MSG_ERR, "gantry_tau: not permitted to be switched on: %s\n", text);
+    }
+}
+
+/*
+ * Evaluates every input that may stop the machine, or keep it from being switched on: in every call, whether it ticks or not. A machine that is
+ * on without being permitted counts as one that cannot be read: the references stay.
+ */
+static void look(void)
+{
+    const int is_read = read_drives();
+    is_permitted = is_wired && is_read && has_fed_back && ((*pins->enable && is_permitted) || drives_agree(pins, NULL, 0));
+    say_disagreement();
+    has_fed_back = 0;
+    *pins->permit = is_permitted;
+    input.reading = is_read && (is_permitted || !*pins->enable) ? GT_READING_DONE : GT_READING_FAILED;
+    if (input.reading == GT_READING_DONE) {
+        drives_accept(&input);
+    }
+    input.stop = is_stopped() ? GT_PRESSED : GT_RELEASED;
+    input.rearm = *pins->rearm ? GT_PRESSED : GT_RELEASED;
+}
+
+/* True if the server does not know yet that it is stopped. */
+static int is_stop_new(void)
+{
+    return (input.stop == GT_PRESSED || input.reading == GT_READING_FAILED) && output.state.phase != GT_PHASE_FAULT;
 }
 
 /* Publishes the sample of the force sensor. One that is not valid is not published: a client ends if none comes. */
@@ -151,29 +203,29 @@ static void publish(void)
     sockets_publish(output.state.tick, has_wrench && *pins->wrench_valid && is_number ? wrench : NULL);
 }
 
-static void tick(uint32_t elapsed)
+static void tick(void)
 {
     gt_code code;
     uint64_t connection;
-    int is_read;
 
     sockets_receive(server);
-    input.elapsed_cycles = elapsed;
-    is_read = read_drives();
-    input.reading = is_read ? GT_READING_DONE : GT_READING_FAILED;
-    input.stop = is_stopped() ? GT_PRESSED : GT_RELEASED;
-    input.rearm = *pins->rearm ? GT_PRESSED : GT_RELEASED;
+    input.elapsed_cycles = 1 + skipped;
+    if ((skipped > 0 || output.state.tick == 0) && input.reading == GT_READING_FAILED) {
+        /* The references have followed the path since the last tick: they stay where it was seen last. At the start that is where the drives are.
+         * The next call says that it is not seen. */
+        input.reading = GT_READING_DONE;
+        input.stop = GT_PRESSED;
+    }
+    skipped = 0;
     input.last_write = GT_WRITE_ACCEPTED;
     code = gt_server_tick(server, &input, &output, NULL);
     if (code != GT_CODE_OK) {
         fail("cannot tick", code);
-        drives_hold(pins);
         return;
     }
     if (output.write) {
         drives_write(pins, &input, &output);
     }
-    *pins->permit = is_wired && is_read && (*pins->enable || drives_are_near(pins));
     /* Before the State of the same tick, so that a client has the sample when it answers. */
     publish();
     while (gt_server_poll_transmit(server, &frame) == GT_CODE_OK) {
@@ -229,19 +281,39 @@ static void note_lateness(int64_t late_ns)
     }
 }
 
+/* A call of a burst: several ticks at once would be several steps at the drive's next cycle. The offsets stay, on the path. */
+static void hold(void)
+{
+    skipped += skipped < UINT32_MAX - 1;
+    *pins->held += 1;
+    input.elapsed_cycles = skipped;
+    if (gt_server_hold(server, &input, &held, NULL) == GT_CODE_OK) {
+        drives_hold(pins, &held);
+    }
+}
+
+/* A thread that was late for that long has left the drives alone: somebody must look. */
+static void stop_if_too_late(int64_t late_ns, long period)
+{
+    static int was_in_time = 1;
+    if (!right(late_ns <= MAX_LATE_PERIODS * (int64_t)period, &was_in_time, "the thread was late by more than 250 periods: stopped")) {
+        input.stop = GT_PRESSED;
+    }
+}
+
 /* Function `gantry-tau.write`: one cycle of the server. */
 static void write_function(void *unused, long period)
 {
     int64_t late_ns;
     if (has_failed || (server == NULL && !start(period))) {
-        drives_hold(pins);
         return;
     }
     if (lockstep && is_live()) {
         wait_for_answer();
         last_tick_ns = rtapi_get_time();
         lateness.is_started = 0;
-        tick(1);
+        look();
+        tick();
         return;
     }
     if (lockstep) {
@@ -249,16 +321,14 @@ static void write_function(void *unused, long period)
     }
     late_ns = lateness_of_call(&lateness, rtapi_get_time(), period);
     note_lateness(late_ns);
-    if (late_ns > period) {
-        /* A burst: several ticks at once would be several steps at the drive's next cycle. */
-        skipped += skipped < UINT32_MAX - 1;
-        *pins->held += 1;
-        drives_hold(pins);
+    look();
+    stop_if_too_late(late_ns, period);
+    if (late_ns > period && !is_stop_new()) {
+        hold();
         return;
     }
     last_tick_ns = rtapi_get_time();
-    tick(1 + skipped);
-    skipped = 0;
+    tick();
 }
 
 /* Everything that may fail, apart from HAL. Returns 0, or -1 with one sentence. */

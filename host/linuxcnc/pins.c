@@ -111,6 +111,9 @@ const char *pins_unconnected(const struct pins *pins)
     if (pins->enable == unconnected.enable && !*pins->enable) {
         return "gantry-tau.enable";
     }
+    if (pins->permit == unconnected.permit) {
+        return "gantry-tau.permit";
+    }
     for (int joint = 0; joint < GANTRY_TAU_AXES; joint++) {
         const struct joint_pins *now = &pins->joint[joint], *then = &unconnected.joint[joint];
         if (now->nominal == then->nominal || now->position == then->position) {

@@ -1,14 +1,17 @@
 # Records every servo period in two samplers (20 columns each), rows of one period having one number: of each joint the command, the reference
-# and their difference times 1e12, which is zero only if both are equal bit for bit; of each joint the drive's position and the offset; then
+# and their difference times 1e12, for more digits; of each joint the drive's position, and the offset times 1e6; then
 # the feedback of joint 0, phase, cause, missed, tick, enable, permit, held.
 set joints $::KINS(JOINTS)
 set floats [expr {2 * $joints + 1}]
 loadrt sampler depth=6000,6000 cfg=[string repeat f [expr {3 * $joints}]],[string repeat f $floats]ssuubbu
 loadrt sum2 count=$joints
-loadrt scale count=$joints
+loadrt scale count=[expr {2 * $joints}]
 for {set i 0} {$i < $joints} {incr i} {
     addf sum2.$i servo-thread
+    set more [expr {$joints + $i}]
     addf scale.$i servo-thread
+    addf scale.$more servo-thread
+    setp scale.$more.gain 1e6
     setp sum2.$i.gain1 -1
     setp scale.$i.gain 1e12
     net command-$i => sum2.$i.in1 sampler.0.pin.[expr {3 * $i}]
@@ -16,7 +19,8 @@ for {set i 0} {$i < $joints} {incr i} {
     net difference-$i sum2.$i.out => scale.$i.in
     net scaled-$i scale.$i.out => sampler.0.pin.[expr {3 * $i + 2}]
     net position-$i => sampler.1.pin.[expr {2 * $i}]
-    net offset-$i gantry-tau.$i.offset => sampler.1.pin.[expr {2 * $i + 1}]
+    net offset-$i gantry-tau.$i.offset => scale.$more.in
+    net scaled-offset-$i scale.$more.out => sampler.1.pin.[expr {2 * $i + 1}]
 }
 net feedback-0 => sampler.1.pin.[expr {2 * $joints}]
 set at $floats

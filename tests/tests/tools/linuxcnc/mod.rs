@@ -10,6 +10,7 @@
     reason = "tests fail by panicking"
 )]
 
+mod component;
 mod header;
 mod integrated;
 mod kinematics;
@@ -39,6 +40,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         ("demonstration", scripts::demonstration),
         ("eoffset_does_what_the_readme_says", scripts::does_what_the_readme_says),
         ("a_changed_header_is_not_loaded", kinematics::changed_header_is_not_loaded),
+        ("component_with_a_clock_of_its_own", component::cases),
+        ("make_builds_where_cargo_is_told_to", component::makes_elsewhere),
     ];
     trials.extend(
         all.iter()

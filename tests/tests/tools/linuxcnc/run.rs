@@ -113,8 +113,7 @@ impl Machine {
     pub(super) fn obeying(name: &'static str, test: &str, parameters: &str) -> Result<Self, Failed> {
         let machine = Self::built(name, test, |header| header)?;
         machine.after_drives("judged.tcl")?;
-        std::fs::copy(own("screen.py"), machine.file("screen.py"))?;
-        std::fs::set_permissions(machine.file("screen.py"), Permissions::from_mode(0o755))?;
+        std::fs::set_permissions(machine.bring("screen.py")?, Permissions::from_mode(0o755))?;
         machine.edit("DISPLAY = ../run.py", "DISPLAY = ./screen.py")?;
         machine.edit("PARAMETERS = epoch_file=epochs", &format!("PARAMETERS = epoch_file=epochs {parameters}"))?;
         Ok(machine)
@@ -122,7 +121,7 @@ impl Machine {
 
     /// Loads a file of the tests after the drives.
     fn after_drives(&self, name: &str) -> Result<(), Failed> {
-        std::fs::copy(own(name), self.file(name))?;
+        self.bring(name)?;
         let drives = "HALFILE = ../drives.tcl";
         self.edit(drives, &format!("{drives}\nHALFILE = {name}"))
     }
@@ -150,6 +149,12 @@ impl Machine {
     /// Epochs that are used up.
     pub(super) fn epochs(&self) -> u64 {
         std::fs::read_to_string(self.file("epochs")).unwrap().trim().parse().unwrap()
+    }
+
+    /// Copies a file of these tests to where LinuxCNC sees it. Returns its path.
+    pub(super) fn bring(&self, name: &str) -> Result<PathBuf, Failed> {
+        let path = self.file(name);
+        Ok(std::fs::copy(own(name), &path).map(|_| path)?)
     }
 
     /// Path of a file of the configuration.
@@ -187,7 +192,7 @@ impl Machine {
         give(&self.place)?;
         // A /tmp of its own: LinuxCNC's lock is there.
         let script = format!(
-            "mount --bind {place} /mnt && mount -t tmpfs tmp /tmp && chmod 1777 /tmp && mkdir {place} && mount --bind /mnt {place} && \
+            "mount --bind {place} /mnt && mount -t tmpfs tmp /tmp && chmod 1777 /tmp && mkdir -p {place} && mount --bind /mnt {place} && \
              mount --bind {place}/modules {MODULES} && ip link set lo up && cd {home} && exec setpriv --reuid={USER} --regid={USER} --clear-groups \
              env -i HOME={home} PATH=/usr/bin:/bin RUNTESTS=1 {command} 2>&1",
             place = self.place.display(),
@@ -235,7 +240,7 @@ fn replace(file: &Path, from: &str, to: &str) -> Result<(), Failed> {
     Ok(std::fs::write(file, text.replace(from, to))?)
 }
 
-/// A file of these tests.
+/// A file of these tests. LinuxCNC does not see it where the clone is in `/tmp`: [`Machine::bring`].
 fn own(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/linuxcnc").join(name)
 }

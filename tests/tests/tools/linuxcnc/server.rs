@@ -44,11 +44,15 @@ const STOP: u8 = 8;
 /// Joints of the L2 at home, mm.
 const HOME_MM: [f64; AXES] = [624.499_8, -696.419_414, 668.954_408];
 
+/// Periods in which the path stands at first.
+const STANDS: u32 = 5_000;
+
 /// The path: every joint swings by centimetres, in whole nanometres, for much longer than a test takes; then it stands.
 fn path() -> String {
     let mut lines = String::new();
     for period in 0..60_000_u32 {
-        let swing = 5.0 * (1.0 - (TAU * f64::from(period) / 2_000.0).cos());
+        // It stands where the drives are while the component starts.
+        let swing = 5.0 * (1.0 - (TAU * f64::from(period.saturating_sub(STANDS)) / 2_000.0).cos());
         let [first, second, third] = HOME_MM;
         writeln!(lines, "{:.6} {:.6} {:.6}", first + swing, second + 1.1 * swing, third - 0.9 * swing).unwrap();
     }
@@ -60,16 +64,18 @@ fn setup(parameters: &str) -> String {
     let mut hal = format!(
         "loadrt threads name1=servo period1=1000000\nloadrt gantry_tau {parameters}\n\
          loadrt streamer depth=6000 cfg=fff\nloadrt sampler depth=8000 cfg=fffffffffffffssuu\n\
-         loadrt sum2 count=3\nloadrt scale count=3\nsetp gantry-tau.enable 1\nsetp gantry-tau.wrench-valid 1\n"
+         loadrt mux2 count=3\nloadrt sum2 count=3\nloadrt scale count=3\nnet enable gantry-tau.enable\nsetp gantry-tau.wrench-valid 1\nnet permit gantry-tau.permit\n"
     );
     for joint in 0..AXES {
         let pin = |group: usize| 3 * group + joint;
+        let home = HOME_MM[joint];
         let (nominal, reference, difference, offset) = (pin(0), pin(1), pin(2), pin(3));
         write!(
             hal,
             "net nominal{joint} streamer.0.pin.{joint} gantry-tau.{joint}.nominal sum2.{joint}.in1 sampler.0.pin.{nominal}\n\
-             net reference{joint} gantry-tau.{joint}.reference gantry-tau.{joint}.position sum2.{joint}.in0 \
-             sampler.0.pin.{reference}\n\
+             net reference{joint} gantry-tau.{joint}.reference mux2.{joint}.in1 sum2.{joint}.in0 sampler.0.pin.{reference}\n\
+             setp mux2.{joint}.in0 {home}\nnet enable mux2.{joint}.sel\n\
+             net position{joint} mux2.{joint}.out gantry-tau.{joint}.position\n\
              net difference{joint} sum2.{joint}.out scale.{joint}.in\n\
              net scaled{joint} scale.{joint}.out sampler.0.pin.{difference}\n\
              net offset{joint} gantry-tau.{joint}.offset sampler.0.pin.{offset}\n\
@@ -88,7 +94,7 @@ fn setup(parameters: &str) -> String {
 }
 
 /// Functions of the thread once the streamer has begun: the component takes the first nominal positions as those in force.
-const FUNCTIONS: &str = "addf gantry-tau.read servo\naddf gantry-tau.write servo\naddf sum2.0 servo\naddf sum2.1 servo\naddf sum2.2 servo\n\
+const FUNCTIONS: &str = "addf mux2.0 servo\naddf mux2.1 servo\naddf mux2.2 servo\naddf gantry-tau.read servo\naddf gantry-tau.write servo\naddf sum2.0 servo\naddf sum2.1 servo\naddf sum2.2 servo\n\
                          addf scale.0 servo\naddf scale.1 servo\naddf scale.2 servo\naddf sampler.0 servo\n";
 
 /// A running component.
@@ -109,6 +115,12 @@ impl Bench {
         let hal = Hal::start(name, &setup(&parameters), Some([&path(), FUNCTIONS]));
         assert!(hal.is_ready, "{}", hal.said());
         let mut bench = Self { hal, name: name.to_owned(), ports, udp: parameters.contains("udp=1") };
+        // While they are off the drives stand at home, and the path does.
+        let since = Instant::now();
+        while bench.hal.ask("getp gantry-tau.permit") != "TRUE" {
+            assert!(since.elapsed() < PATIENCE, "not permitted: {}", bench.hal.said());
+        }
+        bench.hal.ask("sets enable 1");
         bench.rearm();
         bench
     }

@@ -11,6 +11,8 @@ use super::super::record::{FAULT, HANDSHAKE, LISTENING, OBTAIN, SAFE_DISCONNECT,
 
 /// References printed in millionths, and rounded: nm of a cart, of a plate's screw.
 const DIGITS_NM: f64 = 2.0;
+/// A half, and what floats add.
+const ROUNDING_NM: f64 = 0.51;
 /// Share of the distance by which references approach drives that are off, and the largest distance at machine-on, nm: `drives.c`.
 const SHARE: f64 = 64.0;
 const NEAR_NM: f64 = 10_000.0;
@@ -22,7 +24,7 @@ const SWITCHED_ON_NM: f64 = 100.0 + NEAR_NM / SHARE + DIGITS_NM;
 pub(super) struct Row<const N: usize> {
     pub(super) nominal: [f64; N],
     pub(super) reference: [f64; N],
-    /// Reference minus command, times 1e12, in mm or degrees.
+    /// Reference minus command, to many digits.
     difference: [f64; N],
     pub(super) position: [f64; N],
     /// In force.
@@ -63,16 +65,10 @@ fn row<const N: usize>(first: &[f64], second: &[f64], limits: &Limits<N>) -> Row
     let joint = |of: &dyn Fn(usize) -> f64| std::array::from_fn(|joint| of(joint) * limits.nm[joint]);
     let [feedback, phase, cause, missed, tick, on, permit, _] = second[2 * N..] else { panic!("{second:?}") };
     let is_on = on != 0.0;
-    let difference: [f64; N] = std::array::from_fn(|joint| first[3 * joint + 2]);
-    // The difference has more digits, but says nothing where LinuxCNC's command is not in force: off, or a drive that was not read.
-    let follows = is_on && (0..N).all(|joint| second[2 * joint].is_finite());
+    let difference = joint(&|joint| first[3 * joint + 2] * 1e-12);
     let offset = std::array::from_fn(|joint| {
-        let pin = second[2 * joint + 1] * limits.nm[joint];
-        let exact = if follows { difference[joint] * 1e-12 * limits.nm[joint] } else { pin };
-        assert!(
-            !follows || (exact - exact.round()).abs() < 0.01 && (exact - pin).abs() < DIGITS_NM,
-            "{exact} {pin} {first:?} {second:?}"
-        );
+        let exact = second[2 * joint + 1] * 1e-6 * limits.nm[joint];
+        assert!((exact - exact.round()).abs() < 0.01, "{exact} {first:?} {second:?}");
         exact.round() as i64
     });
     Row {
@@ -126,9 +122,9 @@ fn judge_joint<const N: usize>(last: &Row<N>, row: &Row<N>, joint: usize, limits
     let position = &limits.axes[joint].limits.position;
     let change = row.reference[joint] - last.reference[joint];
     if row.is_on {
-        assert_eq!(offset == 0, row.difference[joint] == 0.0, "bit for bit LinuxCNC's, or not: {row:?}");
-        let error = row.reference[joint] - row.nominal[joint] - offset as f64;
-        assert!(error.abs() < DIGITS_NM, "{error}: {row:?}");
+        // Core's reference is in whole nanometres, LinuxCNC's command is not.
+        let error = row.difference[joint] - offset as f64;
+        assert!(error.abs() < ROUNDING_NM, "{error}: {row:?}");
     } else {
         // The drive is off: its reference approaches it.
         let distance = row.position[joint] - last.reference[joint];

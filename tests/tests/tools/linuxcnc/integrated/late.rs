@@ -51,10 +51,10 @@ pub(super) fn flood() {
         session.switch_on();
         session.rearm();
         session.ask("run");
-        let flood = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tools/linuxcnc/flood.py");
+        let flood = machine.bring("flood.py").unwrap();
         session.ask("try hal.set_p('gantry-tau.write.tmax', '0')");
         session.ask("try hal.set_p('gantry-tau.lateness-max', '0')");
-        assert!(session.run_mounted(&["python3", flood]).success(), "flood.py says why");
+        assert!(session.run_mounted(&["python3", flood.to_str().unwrap()]).success(), "flood.py says why");
         let largest = session.ask("pins gantry-tau.write.tmax gantry-tau.lateness-max gantry-tau.held");
         println!("flooded: cycles of the processor, ns late, periods held: {largest}");
         let runs = "s.interp_state != linuxcnc.INTERP_IDLE and p('motion.motion-enabled')";

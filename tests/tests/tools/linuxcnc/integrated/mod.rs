@@ -3,6 +3,7 @@
 
 mod compensation;
 mod ends;
+mod interlock;
 mod judged;
 mod late;
 mod refused;
@@ -23,6 +24,10 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("killed_linuxcnc_starts_again_where_its_drives_stand", || done(ends::by_a_kill)),
     ("bursts_hold_offsets", || done(late::bursts)),
     ("floods_do_not_block_the_thread", || done(late::flood)),
+    ("permit_needs_read_to_run", || done(interlock::read_is_forgotten)),
+    ("permit_needs_commands_that_are_not_crossed", || done(interlock::commands_are_crossed)),
+    ("permit_needs_feedback_that_is_not_crossed", || done(interlock::feedback_is_crossed)),
+    ("permit_needs_positions_that_are_not_crossed", || done(interlock::positions_are_crossed)),
     ("misfits_are_refused_in_one_line_and_nothing_moves", || done(refused::misfits)),
 ];
 

@@ -11,7 +11,7 @@ use super::super::run::{ONE, make};
 use crate::firmware::program;
 
 /// Modules of LinuxCNC that the tests load beside ours.
-const THEIRS: [&str; 6] = ["hal_lib", "threads", "sampler", "streamer", "sum2", "scale"];
+const THEIRS: [&str; 7] = ["hal_lib", "mux2", "threads", "sampler", "streamer", "sum2", "scale"];
 
 /// Folder of what is built. Everybody may read it.
 fn folder() -> PathBuf {
