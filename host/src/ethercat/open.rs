@@ -153,6 +153,8 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             sent: in_force,
             last: Ok(()),
             failure: None,
+            refusal: None,
+            travel: robot.limits.map(|limits| limits.machine_travel),
             faults: None,
         })
     }

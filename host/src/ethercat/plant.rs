@@ -2,10 +2,11 @@
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::message::Phase;
+use gantry_tau_core::control::session::config::Travel;
 use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_ethercat::{Condition, Drives, Fault, Input, Offset, PowerState, RawSocket, Target, Wire, check_link};
 
-use super::standing::{axis_position, targets};
+use super::standing::{APART_NM, axis_position, targets};
 use crate::counts::CountScale;
 use crate::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use crate::robot_file::CYCLE_US;
@@ -13,6 +14,15 @@ use crate::sim::interpolator::Interpolator;
 
 /// Faults that may wait to be logged: one in each row of a server that waits.
 const FAULTS: usize = 4_096;
+/// Re-arms of an axis that may fail.
+const ENABLE: [&str; 6] = [
+    "enable the drives of axis 0",
+    "enable the drives of axis 1",
+    "enable the drives of axis 2",
+    "enable the drives of axis 3",
+    "enable the drives of axis 4",
+    "enable the drives of axis 5",
+];
 /// What fails here.
 const OPERATION: &str = "exchange process data with the drives";
 
@@ -90,6 +100,10 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
     pub(super) last: Result<(), Fault>,
     /// Reason for which its measurements are old nevertheless.
     pub(super) failure: Option<PlantError>,
+    /// Reason for which the last re-arm was refused.
+    pub(super) refusal: Option<PlantError>,
+    /// Travel of the axes.
+    pub(super) travel: [Travel; N],
     pub(super) faults: Option<rtrb::Producer<Fault>>,
 }
 
@@ -179,6 +193,23 @@ impl<W: Machine<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
         }
     }
 
+    /// Returns the reason for which the drives must not be enabled where they stand: the motors of an axis get one position, inside the travel.
+    /// As when the bus was opened; since then somebody may have moved them.
+    fn disagreement(&self) -> Option<PlantError> {
+        let counts = |motor: usize| self.drives.inputs().get(motor).map_or(0, |input| input.position);
+        self.travel.iter().enumerate().find_map(|(axis, travel)| {
+            let reason = match axis_position(axis, &self.motors, counts) {
+                None => "its position is out of range",
+                Some((_, apart_nm)) if apart_nm > APART_NM => "its motors stand more than 0.5 mm apart",
+                Some((position, _)) if position < travel.lower || position > travel.upper => {
+                    "it stands outside of the machine's travel"
+                }
+                Some(_) => return None,
+            };
+            Some(PlantError { operation: ENABLE.get(axis).copied().unwrap_or("enable the drives of an axis"), reason })
+        })
+    }
+
     fn actual(&self) -> Option<[Actual; N]> {
         let inputs = self.drives.inputs();
         let mut actual = [Actual::default(); N];
@@ -237,6 +268,7 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
         self.drives.wire_mut().begin_cycles(elapsed, CYCLE_US.into());
+        self.refusal.map_or(Ok(()), Err)?;
         self.last.map_err(|fault| failed(&fault))?;
         self.failure.map_or(Ok(()), Err)?;
         if self.taken && !self.held && self.drives.condition() == Condition::Running {
@@ -304,7 +336,10 @@ impl<W: Machine<N>, const N: usize, const M: usize> Plant<N, M> for EthercatPlan
     }
 
     fn reset(&mut self) {
-        self.drives.rearm();
+        self.refusal = self.disagreement();
+        if self.refusal.is_none() {
+            self.drives.rearm();
+        }
     }
 }
 

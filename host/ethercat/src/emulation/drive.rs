@@ -72,6 +72,8 @@ pub struct Motor {
     pub velocity_offset: i32,
     /// 60B2h, per mille.
     pub torque_offset: i16,
+    /// Way by which somebody has moved it by hand, beside the process, counts.
+    pub pushed: i64,
     /// Position, counts: the process writes it.
     pub position: i64,
     /// Velocity, counts/s: the process writes it.
@@ -162,6 +164,7 @@ impl Drive {
             forced_mode: None,
             is_operational: false,
             motor: Motor {
+                pushed: 0,
                 is_enabled: false,
                 reference: position,
                 position_offset: 0,
@@ -384,7 +387,7 @@ impl Drive {
     /// Takes note of what the process did to the motor.
     pub(super) fn measure(&mut self) {
         let motor = self.motor;
-        let position = motor.position.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let position = (motor.position + motor.pushed).clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         self.objects.set(0x6064, 0, position);
         self.objects.set(0x606C, 0, motor.velocity);
         self.objects.set(0x6077, 0, motor.torque.into());

@@ -4,7 +4,7 @@ use gantry_tau::ethercat::emulated_bus;
 use gantry_tau::model::MachineKind;
 use gantry_tau::plant::DriveState;
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
-use gantry_tau::server::cycle::Row;
+use gantry_tau::server::cycle::{Demands, Row};
 use gantry_tau::sim::load_generator::{Load, load_generator};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
@@ -383,4 +383,75 @@ fn a_restart_on_nine_motors_and_without_60b0() {
         restarts::<_, 3, 3>(&RobotFile::builtin_l2().unwrap(), knows_offset);
         restarts::<_, 6, 9>(&RobotFile::builtin_f1().unwrap(), knows_offset);
     }
+}
+
+/// After a fault somebody has moved a motor by hand, while the drives were off. A re-arm enables them only where they agree: the motors of an axis
+/// together, and inside the travel.
+#[test]
+fn a_rearm_needs_motors_that_agree() {
+    let (mut server, _client) = moving_on::<_, 6, 9>(&RobotFile::builtin_f1().unwrap(), 0.02);
+    server.bus.bench().chain.subdevice_mut(0).unwrap().drive_mut().trip();
+    server.until_fault();
+    // One motor of a pair by 0.6 mm; then both, far beyond the travel.
+    for (pushed, reason) in [
+        // 104 857.6 counts per mm; drives with odd numbers count backwards.
+        ([62_915, 0], "its motors stand more than 0.5 mm apart"),
+        ([1_048_576_000, -1_048_576_000], "it stands outside of the machine's travel"),
+    ] {
+        let push = |server: &Server<6, 9>, pushed: [i64; 2]| {
+            for (motor, counts) in pushed.into_iter().enumerate() {
+                server.bus.bench().chain.subdevice_mut(motor).unwrap().drive_mut().motor_mut().pushed = counts;
+            }
+        };
+        // Measured in the next cycle.
+        push(&server, pushed);
+        server.tick();
+        server.tick();
+        server.largest_step_nm();
+        for _ in 0..2_000 {
+            let row = server.step(Demands { stop: false, rearm: true });
+            assert_eq!(row.state.phase, Phase::Fault);
+        }
+        let row = server.tick();
+        let failure = row.failure.unwrap();
+        assert_eq!((failure.operation, failure.reason), ("enable the drives of axis 0", reason));
+        assert_ne!(row.drives, Some([DriveState::Operating; 6]));
+        assert_eq!(server.largest_step_nm(), 0, "no drive was enabled");
+        push(&server, [0; 2]);
+        server.tick();
+        server.tick();
+    }
+    server.recovers();
+}
+
+/// What a drive follows is the reference that core gave out, in its counts: no sum and no clamp stands between.
+#[test]
+fn drives_follow_the_references_of_core() {
+    let (mut server, mut client) = moving();
+    let (mut given, mut followed) = (Vec::new(), Vec::new());
+    for tick in 0..600 {
+        // Offsets that are limited, reached, and turned back.
+        let nm = if tick < 300 { OFFSET_NM } else { -OFFSET_NM };
+        let row = server.answered(&mut client, Mode::Obtain, nm);
+        assert_eq!(row.state.phase, Phase::Obtain);
+        given.push(server.cycle.endpoint().output().unwrap().references.map(|reference| reference.position.0));
+        let bench = server.bus.bench();
+        // 104.8576 counts per um; drives with odd numbers count backwards.
+        let nm = bench.chain.drives().enumerate().map(|(motor, drive)| {
+            let counts = drive.motor().reference * if motor % 2 == 0 { 1 } else { -1 };
+            counts * 1_000_000_000 / 104_857_600
+        });
+        followed.push(nm.collect::<Vec<_>>());
+    }
+    // The frame of a tick reaches the drives in it, or in the next one: the same for all ticks.
+    let farthest = |delay: usize| {
+        let pairs = given.iter().zip(&followed[delay..]);
+        let apart =
+            pairs.flat_map(|(given, followed)| given.iter().zip(followed).map(|(one, other)| (one - other).abs()));
+        apart.max().unwrap()
+    };
+    let [same, next] = [farthest(0), farthest(1)];
+    println!("drives and core: at most {same} nm apart in the same tick, {next} in the next one");
+    // A count is 9.5 nm.
+    assert!(same.min(next) <= 10 && same.max(next) > 50_000, "{same} {next}");
 }
