@@ -3,6 +3,7 @@
 //! Everything that can reach a drive goes through [`gantry_tau_core`]; this crate brings clock, sockets and files.
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests write files of their own"))]
+#![deny(clippy::print_stdout, clippy::print_stderr, reason = "they panic when the stream fails: use `terminal`")]
 #![allow(
     clippy::arithmetic_side_effects,
     clippy::as_conversions,
@@ -47,6 +48,7 @@ pub mod replay;
 pub mod robot_file;
 pub mod sensor_link;
 pub mod server;
+pub mod signals;
 pub mod sim;
 pub mod solve;
 pub mod springs;

@@ -11,6 +11,7 @@ use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
 use gantry_tau::sensor_link::Sample;
+use gantry_tau::signals;
 use gantry_tau::terminal::say;
 use gantry_tau_core::control::message::{AxisState, State, Welcome};
 
@@ -53,8 +54,7 @@ impl MachineCommand for Client {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(self, robot: RobotFile<K, N>) -> Outcome {
         let controls = Arc::new(ClientControls::default());
         let shared = Arc::clone(&controls);
-        ctrlc::set_handler(move || shared.quit.store(true, Ordering::Relaxed))
-            .map_err(|error| format!("cannot listen for Ctrl-C: {error}"))?;
+        signals::on_quit(move || shared.quit.store(true, Ordering::Relaxed));
         let options = ClientOptions {
             server: self.server,
             transport: transport(self.udp),

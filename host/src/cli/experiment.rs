@@ -21,6 +21,7 @@ use gantry_tau::measurements::poses::{self, PosesPlan};
 use gantry_tau::model::MachineKind;
 use gantry_tau::output::{Kind, Output};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::signals;
 use gantry_tau::springs::thesis;
 use gantry_tau::terminal::say;
 
@@ -189,8 +190,7 @@ impl Experiment {
         let (named, known) = (plan.table.clone(), robot.clone());
         let quit = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&quit);
-        ctrlc::set_handler(move || shared.store(true, Ordering::Relaxed))
-            .map_err(|error| format!("cannot listen for Ctrl-C: {error}"))?;
+        signals::on_quit(move || shared.store(true, Ordering::Relaxed));
         let options = LiveOptions {
             robot,
             plan,

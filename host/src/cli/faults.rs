@@ -12,6 +12,7 @@ use gantry_tau::faults::plan::{Directions, FaultPlan, FaultRate, parse_script};
 use gantry_tau::faults::relay::{LinkReport, Relay};
 use gantry_tau::faults::{Fault, FaultStats};
 use gantry_tau::server::ServerError;
+use gantry_tau::signals;
 use gantry_tau::terminal::say;
 
 use super::outputs::Input;
@@ -121,7 +122,7 @@ impl Faults {
             .map_err(|error| ServerError::listen(self.listen, &error))?;
         let quit = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&quit);
-        ctrlc::set_handler(move || shared.store(true, Ordering::Relaxed))?;
+        signals::on_quit(move || shared.store(true, Ordering::Relaxed));
         // With --json the counts are the only line on stdout.
         let (address, to) = (relay.address, self.to);
         tracing::info!("listening on {address}, forwarding to {to}; Ctrl-C ends");

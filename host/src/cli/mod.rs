@@ -31,6 +31,8 @@ use gantry_tau::dial::Addresses;
 use gantry_tau::force_sensor::{DEFAULT_NAME, SensorSource};
 use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile, RobotFileError};
+use gantry_tau::signals::{self, Suspension};
+use gantry_tau::terminal::{LogWriter, Reader, WritesRest, complain, queue_output};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::model::{f1, l2};
 
@@ -85,6 +87,20 @@ enum Command {
     Solve,
 }
 
+impl Command {
+    /// Prepares a command that runs until it is ended: nothing on its terminal or its outputs may end, suspend or block it.
+    fn begin(&self) -> std::io::Result<Option<WritesRest>> {
+        let (suspension, reader) = match self {
+            Self::Serve(_) => (Suspension::Ignored, Reader::Person),
+            Self::Client(_) | Self::Demo(_) | Self::Experiment(_) => (Suspension::Allowed, Reader::Person),
+            Self::Monitor(_) | Self::Faults(_) => (Suspension::Allowed, Reader::Program),
+            _ => return Ok(None),
+        };
+        signals::take(suspension)?;
+        queue_output(reader).map(Some)
+    }
+}
+
 /// Source of the ticks.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Pace {
@@ -106,13 +122,20 @@ impl From<Pace> for gantry_tau::server::tick_source::TickSource {
 pub(crate) fn main() -> ExitCode {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).compact().init();
+    // Errors of the writer would be reported by `eprintln!`, which panics when stderr fails.
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(LogWriter).log_internal_errors(false);
+    log.with_target(false).compact().init();
     let matches = Arguments::command().get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if let Err(error) = outputs::check(&matches) {
         return fail(1, error);
     }
-    let outcome = match arguments.command {
+    let command = arguments.command;
+    let _rest = match command.begin() {
+        Ok(rest) => rest,
+        Err(error) => return fail(1, error),
+    };
+    let outcome = match command {
         Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
         Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
@@ -163,7 +186,7 @@ fn solve() -> Outcome {
 
 /// Prints one line on stderr; returns the exit code.
 fn fail(code: u8, error: impl std::fmt::Display) -> ExitCode {
-    eprintln!("gantry-tau: {error}");
+    complain(error);
     ExitCode::from(code)
 }
 

@@ -15,6 +15,7 @@ use gantry_tau::record::{RecordError, RecordTo, Recorded, Recording};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::server::connections::Allowed;
 use gantry_tau::server::cycle::Row;
+use gantry_tau::signals;
 use gantry_tau::terminal::say;
 
 use super::labcomm::LabcommVersion;
@@ -72,7 +73,7 @@ impl Monitor {
 
     /// Screen or lines.
     fn show(&self, tap: Option<Box<dyn Tap>>) -> Outcome {
-        let quit = interrupted()?;
+        let quit = interrupted();
         let view = if self.status { View::Status { every: self.every } } else { View::Screen };
         let options = MonitorOptions { server: self.server.clone(), view, quit_after: self.quit_after };
         let (code, recorded) = run(&options, tap, &quit);
@@ -93,7 +94,7 @@ impl Monitor {
         }
         let mut page = Web::bind(address, allowed, figures(robot)?)
             .map_err(|error| format!("cannot serve the page on {address}: {error}"))?;
-        let quit = interrupted()?;
+        let quit = interrupted();
         say(format_args!("page on http://{}/; Ctrl-C ends", page.address()?));
         tell(run_page(self.server.clone(), &mut page, tap, self.quit_after, &quit))?;
         Ok(ExitCode::SUCCESS)
@@ -122,12 +123,11 @@ fn tell(recorded: Option<Recorded>) -> Result<(), RecordError> {
 }
 
 /// Becomes true with Ctrl-C.
-fn interrupted() -> Result<Arc<AtomicBool>, String> {
+fn interrupted() -> Arc<AtomicBool> {
     let quit = Arc::new(AtomicBool::new(false));
     let asked = Arc::clone(&quit);
-    ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed))
-        .map_err(|error| format!("cannot listen for Ctrl-C: {error}"))?;
-    Ok(quit)
+    signals::on_quit(move || asked.store(true, Ordering::Relaxed));
+    quit
 }
 
 /// A time in seconds.

@@ -1,6 +1,5 @@
 //! `gantry-tau serve`.
 
-use std::io::BufRead;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -22,7 +21,8 @@ use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen, Listening};
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::event_log::EventLog;
-use gantry_tau::server::{Controls, Server, ServerError};
+use gantry_tau::server::{Controls, Server, ServerError, keyboard};
+use gantry_tau::signals;
 use gantry_tau::sim::load_generator::load_generator;
 use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::parameters::Motion;
@@ -241,15 +241,16 @@ impl Serve {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
         }
         let mut flusher = LatchFlusher::of(cycle.latch());
-        let (server, mut rows) = Server::spawn(cycle, self.pace.into())?;
+        let controls = Arc::new(Controls::default());
+        let quit = Arc::clone(&controls);
+        signals::on_quit(move || quit.quit.store(true, Ordering::Relaxed));
+        let (server, mut rows) = Server::spawn_controlled(cycle, self.pace.into(), controls)?;
         self.give_up_privileges();
         say(format_args!(
             "listening on {}{}, force sensor on {sensor_address}{ports}; Ctrl-C ramps to zero and ends",
             server.address,
             if self.udp { " (UDP)" } else { "" },
         ));
-        let controls = Arc::clone(&server.controls);
-        ctrlc::set_handler(move || controls.quit.store(true, Ordering::Relaxed))?;
         listen_to_the_keyboard(Arc::clone(&server.controls));
         let mut events = EventLog::default();
         drain(&mut rows, |row, is_last| {
@@ -417,17 +418,7 @@ impl Serve {
     }
 }
 
-/// Reads `stop`, `rearm` and `quit` from the keyboard, in a thread that ends with the process.
+/// Reads the keyboard in a thread that ends with the process.
 fn listen_to_the_keyboard(controls: Arc<Controls>) {
-    std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-            match line.trim() {
-                "stop" => controls.press_stop(),
-                "rearm" => controls.release_and_rearm(),
-                "quit" => controls.quit.store(true, Ordering::Relaxed),
-                "" => {}
-                other => tracing::warn!("unknown command {other:?}: expected stop, rearm or quit"),
-            }
-        }
-    });
+    std::thread::spawn(move || keyboard::listen(std::io::stdin().lock(), &controls));
 }

@@ -15,7 +15,7 @@ use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
 use crate::sim::load_generator::AppliedLoad;
 use crate::sim::parameters::Motion;
-use crate::terminal::{progress_bar, say};
+use crate::terminal::{Progress, say};
 use scenario::Recording;
 
 pub use corrections::Corrections;
@@ -189,8 +189,6 @@ where
     let steps = 2 * options.forces_n().len() as u64;
     let tare = u64::from(options.robot.sensor.tare_samples);
     // Half a second of rests, three of ramp.
-    let bar = progress_bar(tare + steps * options.step_ticks() + 3_500, "ticks");
-    let played = scenario::play(options, build, ticks, probe, &bar);
-    bar.finish_and_clear();
-    Ok(played?)
+    let progress = Progress::new(tare + steps * options.step_ticks() + 3_500, "ticks");
+    Ok(scenario::play(options, build, ticks, probe, &progress)?)
 }

@@ -11,7 +11,6 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Phase, Refusal};
 use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::{EpochRange, Tick};
-use indicatif::ProgressBar;
 
 use super::sampler::{Sample, Sampler};
 use super::{DemoError, DemoOptions};
@@ -28,7 +27,7 @@ use crate::server::cycle::Cycle;
 use crate::server::tick_source::TickSource;
 use crate::sim::load_generator::{AppliedLoad, Load, LoadGenerator, load_generator};
 use crate::state::StopLatch;
-use crate::terminal::say;
+use crate::terminal::Progress;
 
 /// Added to the number of a step when it is compensated.
 pub(super) const COMPENSATED: u32 = 1_000;
@@ -85,7 +84,7 @@ impl<E: std::error::Error> From<E> for Failure {
 
 struct Scenario<'a, K, const N: usize> {
     options: &'a DemoOptions<K, N>,
-    bar: &'a ProgressBar,
+    progress: &'a Progress,
     ticks: TickSource,
     /// A machine that misses many deadlines in the first second ends the run.
     probe: bool,
@@ -104,7 +103,7 @@ pub(super) fn play<K, P, E, const N: usize, const M: usize>(
     build: impl Fn(&RobotFile<K, N>, AppliedLoad) -> Result<P, E>,
     ticks: TickSource,
     probe: bool,
-    bar: &ProgressBar,
+    progress: &Progress,
 ) -> Result<Recording<N>, Failure>
 where
     K: MachineKind<N>,
@@ -147,7 +146,7 @@ where
         std::thread::Builder::new().name("client".to_owned()).spawn(move || client::run(&client_options, &shared))?;
     let mut scenario = Scenario {
         options,
-        bar,
+        progress,
         ticks,
         probe,
         server,
@@ -208,11 +207,11 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             TickSource::RealTime => self.say("the client tares its sensor; meanwhile: does this machine hold 1 kHz?"),
             TickSource::Lockstep => self.say("the client tares its sensor"),
         }
-        let (bar, controls, client) = (self.bar, &self.controls, &self.client);
+        let (progress, controls, client) = (self.progress, &self.controls, &self.client);
         let tared = || controls.tared.load(Ordering::Relaxed);
         // A client that ends before its first command has no session whose end could be sampled.
         let has_failed = || client.is_finished() && controls.commands.load(Ordering::Relaxed) == 0;
-        (self.sampler).until(false, |_| bar.inc(1), |_| tared() || has_failed())?;
+        (self.sampler).until(false, |_| progress.step(), |_| tared() || has_failed())?;
         if has_failed() {
             return Err(Failure::Failed("the client ended before its first command".to_owned()));
         }
@@ -306,12 +305,12 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     }
 
     fn wait(&mut self, found: impl FnMut(&Sample<N>) -> bool) -> Result<Sample<N>, Failure> {
-        let bar = self.bar;
-        self.sampler.until(false, |_| bar.inc(1), found)
+        let progress = self.progress;
+        self.sampler.until(false, |_| progress.step(), found)
     }
 
     fn say(&self, line: &str) {
-        self.bar.suspend(|| say(line));
+        self.progress.say(line);
     }
 }
 

@@ -83,6 +83,11 @@ impl Monitor {
         Self { tap, ..self }
     }
 
+    /// True if what is received is handed to a tap.
+    fn has_tap(&self) -> bool {
+        self.tap.is_some()
+    }
+
     /// Completes the recording of the tap, if there is one.
     pub fn finish(self) -> Option<Recorded> {
         self.tap.map(Tap::finish)

@@ -1,6 +1,5 @@
 //! The loop of `monitor`: read, show, wait.
 
-use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -10,7 +9,7 @@ use super::web::Web;
 use super::{Monitor, Tap, screen};
 use crate::dial::Addresses;
 use crate::record::Recorded;
-use crate::terminal::say;
+use crate::terminal::{self, complain, say};
 
 /// Pause between two visits to the server's connection: long against a tick, so that one read takes many.
 const REST: Duration = Duration::from_millis(20);
@@ -93,11 +92,11 @@ pub fn run_page(
 }
 
 fn show_screen(monitor: &mut Monitor, quit_after: Option<Duration>, quit: &AtomicBool) {
-    let is_terminal = std::io::stdout().is_terminal();
+    let is_terminal = terminal::is_terminal();
     let pause = if is_terminal { SCREEN } else { PRINTED };
     let mut next = Instant::now();
     if is_terminal {
-        put("\x1b[2J");
+        terminal::show("\x1b[2J".to_owned());
     }
     each_visit(monitor, REST, quit_after, quit, |monitor| {
         if Instant::now() < next {
@@ -106,14 +105,18 @@ fn show_screen(monitor: &mut Monitor, quit_after: Option<Duration>, quit: &Atomi
         next = Instant::now() + pause;
         let text = screen::screen(monitor);
         // From the upper left corner; each line and the rest of the screen are erased behind the text.
-        put(&if is_terminal { format!("\x1b[H{}\x1b[J", text.replace('\n', "\x1b[K\r\n")) } else { text + "\n" })
+        terminal::show(if is_terminal {
+            format!("\x1b[H{}\x1b[J", text.replace('\n', "\x1b[K\r\n"))
+        } else {
+            text + "\n"
+        });
+        is_wanted(monitor)
     });
 }
 
-/// Writes to the standard output; false once its reader has ended.
-fn put(text: &str) -> bool {
-    let mut out = std::io::stdout();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_ok()
+/// True while there is a reader of the standard output, or a recording.
+fn is_wanted(monitor: &Monitor) -> bool {
+    monitor.has_tap() || !terminal::reader_has_ended()
 }
 
 /// Logs the events after number `told`, the first first. Returns the number of the last.
@@ -147,7 +150,7 @@ fn show_status(monitor: &mut Monitor, every: Option<Duration>, quit_after: Optio
                 say(snapshot.json());
                 status = snapshot.exit_status();
                 next = Instant::now() + every.unwrap_or_default();
-                every.is_some()
+                every.is_some() && is_wanted(monitor)
             }
             (None, Some(_)) => {
                 status = NO_SERVER;
@@ -157,7 +160,7 @@ fn show_status(monitor: &mut Monitor, every: Option<Duration>, quit_after: Optio
         }
     });
     if let (NO_SERVER, Some(trouble)) = (status, monitor.trouble()) {
-        eprintln!("gantry-tau: {trouble}");
+        complain(trouble);
     }
     status
 }

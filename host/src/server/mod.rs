@@ -4,6 +4,7 @@ pub mod connections;
 pub mod cycle;
 pub mod event_log;
 mod port_owner;
+pub mod keyboard;
 pub mod tick_source;
 pub mod velocity_interface;
 
@@ -117,6 +118,8 @@ pub struct Controls {
     stop_pressed: AtomicBool,
     /// Re-arm was pressed.
     rearm: AtomicBool,
+    /// The last tick began in Fault.
+    was_in_fault: AtomicBool,
     /// Lock-step only: the client is known to be silent, so the server does not wait for an answer.
     pub link_silent: AtomicBool,
     /// Rows that found the observer's queue full.
@@ -148,13 +151,16 @@ impl Controls {
     }
 
     /// True if the re-arm was pressed in Fault. Pressed elsewhere it is forgotten: it must not answer a later stop.
+    ///
+    /// The first tick in Fault sees it released: core takes one that is pressed from the beginning for stuck. So a re-arm that is typed
+    /// before the first tick of a server that starts in Fault counts.
     fn take_rearm(&self, phase: Phase) -> bool {
-        if phase == Phase::Fault {
-            self.rearm.load(Ordering::Relaxed)
-        } else {
+        let is_in_fault = phase == Phase::Fault;
+        let was_in_fault = self.was_in_fault.swap(is_in_fault, Ordering::Relaxed);
+        if !is_in_fault {
             self.rearm.store(false, Ordering::Relaxed);
-            false
         }
+        is_in_fault && was_in_fault && self.rearm.load(Ordering::Relaxed)
     }
 }
 
@@ -178,9 +184,20 @@ impl<const N: usize> Server<N> {
         cycle: Cycle<N, M, P>,
         ticks: TickSource,
     ) -> Result<(Self, rtrb::Consumer<Row<N>>), ServerError> {
+        Self::spawn_controlled(cycle, ticks, Arc::default())
+    }
+
+    /// As [`Server::spawn`], with switches that are there before the first tick.
+    ///
+    /// # Errors
+    /// As [`Server::spawn`].
+    pub fn spawn_controlled<const M: usize, P: Plant<N, M> + 'static>(
+        cycle: Cycle<N, M, P>,
+        ticks: TickSource,
+        controls: Arc<Controls>,
+    ) -> Result<(Self, rtrb::Consumer<Row<N>>), ServerError> {
         let thread_error = |error: io::Error| ServerError::Thread(error.to_string());
         let address = cycle.address().map_err(thread_error)?;
-        let controls = Arc::new(Controls::default());
         let (rows, observer) = rtrb::RingBuffer::new(ROWS);
         let switches = Arc::clone(&controls);
         let (setting_up, until_set_up) = mpsc::channel::<()>();
@@ -235,12 +252,22 @@ mod tests {
         for phase in [Phase::Listening, Phase::Obtain, Phase::SafeDisconnect] {
             controls.release_and_rearm();
             assert!(!controls.take_rearm(phase));
-            assert!(!controls.take_rearm(Phase::Fault), "forgotten in {phase:?}");
+            assert!(!controls.take_rearm(Phase::Fault) && !controls.take_rearm(Phase::Fault), "forgotten in {phase:?}");
         }
         controls.release_and_rearm();
         // It stands until the ramp is done and the server listens.
         assert!(controls.take_rearm(Phase::Fault) && controls.take_rearm(Phase::Fault));
         controls.press_stop();
         assert!(!controls.take_rearm(Phase::Fault), "a new stop takes it back");
+    }
+
+    /// Found by a user: `echo rearm | gantry-tau serve` after a stop left the server in Fault, and every further re-arm was stuck.
+    #[test]
+    fn a_rearm_before_the_first_tick_counts_from_the_second_on() {
+        let controls = Controls::default();
+        controls.release_and_rearm();
+        assert!(!controls.take_rearm(Phase::Fault), "core must see it released");
+        assert!(controls.take_rearm(Phase::Fault) && controls.take_rearm(Phase::Fault));
+        assert!(!controls.take_rearm(Phase::Listening) && !controls.take_rearm(Phase::Fault));
     }
 }

@@ -11,7 +11,7 @@ use gantry_tau_core::model::kinematics::KinematicsError;
 use crate::model::MachineKind;
 use crate::output::{Output, WriteError, write_all};
 use crate::robot_file::RobotFile;
-use crate::terminal::progress_bar;
+use crate::terminal::Progress;
 
 pub(crate) use map::Surveyor;
 pub use map::{Grid, Place, Reached, condition};
@@ -88,9 +88,9 @@ pub fn run<K: MachineKind<N>, const N: usize>(options: &WorkspaceOptions<K, N>) 
     options.plot.check(false)?;
     options.csv.check(false)?;
     let grid = Grid::of(&options.robot, options.cells);
-    let bar = progress_bar(grid.count(), "places");
-    let survey = survey(&options.robot, grid, |_| bar.inc(1));
-    bar.finish_and_clear();
+    let progress = Progress::new(grid.count(), "places");
+    let survey = survey(&options.robot, grid, |_| progress.step());
+    drop(progress);
     let summary = survey.summary();
     write_all(&[(&options.csv, &survey.table()), (&options.plot, &picture::page(&survey, &summary))])?;
     Ok(summary)

@@ -3,7 +3,7 @@
 use crate::process::{Ended, Folder, Running};
 
 /// A plan of the L2: one strap, gauges on platform and carts.
-const PLAN: &str = r#"format = "gantry-tau springs 1"
+pub(crate) const PLAN: &str = r#"format = "gantry-tau springs 1"
 model = "l2"
 measurements = "springs.csv"
 [noise]

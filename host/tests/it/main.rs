@@ -25,6 +25,8 @@ mod faults;
 mod follow;
 mod header;
 mod identification;
+#[cfg(unix)]
+mod keyboard;
 mod labcomm;
 mod monitor;
 #[cfg(unix)]
@@ -32,6 +34,8 @@ mod operator;
 mod outputs;
 #[cfg(unix)]
 mod ownership;
+#[cfg(target_os = "linux")]
+mod outputs_fail;
 mod plan;
 #[cfg(target_os = "linux")]
 mod privileges;

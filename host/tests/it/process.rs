@@ -8,6 +8,22 @@ use std::time::{Duration, Instant};
 /// Longest wait for anything.
 const DEADLINE: Duration = Duration::from_secs(60);
 
+/// The binary.
+pub(crate) const BINARY: &str = env!("CARGO_BIN_EXE_gantry-tau");
+
+/// Standard streams in place of empty input and of files.
+pub(crate) struct Streams {
+    pub(crate) input: Stdio,
+    pub(crate) output: Option<Stdio>,
+    pub(crate) log: Option<Stdio>,
+}
+
+impl Default for Streams {
+    fn default() -> Self {
+        Self { input: Stdio::null(), output: None, log: None }
+    }
+}
+
 /// A folder that is removed at the end of its test.
 pub(crate) struct Folder(PathBuf);
 
@@ -38,26 +54,33 @@ impl Folder {
 
     /// Starts the binary; its output goes to `name.out` and `name.err`.
     pub(crate) fn start_with(&self, name: &str, arguments: &[&str], input: Stdio) -> Running {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gantry-tau"));
+        let mut command = Command::new(BINARY);
         command.args(arguments);
         self.start_command(name, command, input)
     }
 
     /// Starts a command in the surroundings of the binary, but for those that it sets by itself.
     pub(crate) fn start_command(&self, name: &str, mut command: Command, input: Stdio) -> Running {
+        self.start_by(&mut command, name, &[], Streams { input, ..Streams::default() })
+    }
+
+    /// Starts the binary, or a program that becomes it, on these streams.
+    pub(crate) fn start_by(&self, command: &mut Command, name: &str, arguments: &[&str], streams: Streams) -> Running {
         let [out, err] = ["out", "err"].map(|end| self.path(&format!("{name}.{end}")));
+        let [stdout, stderr] = [&out, &err].map(|path| Stdio::from(File::create(path).unwrap()));
         let is_set = |command: &Command, name: &str| command.get_envs().any(|(key, _)| key == name);
         for (key, value) in [("STATE_DIRECTORY", self.0.as_os_str()), ("RUST_BACKTRACE", "1".as_ref())] {
-            if !is_set(&command, key) {
+            if !is_set(command, key) {
                 command.env(key, value);
             }
         }
         let child = command
+            .args(arguments)
             .current_dir(&self.0)
             .env_remove("RUST_LOG")
-            .stdin(input)
-            .stdout(File::create(&out).unwrap())
-            .stderr(File::create(&err).unwrap())
+            .stdin(streams.input)
+            .stdout(streams.output.unwrap_or(stdout))
+            .stderr(streams.log.unwrap_or(stderr))
             .spawn()
             .unwrap();
         Running { child, out, err }
@@ -132,6 +155,12 @@ impl Running {
             assert!(since.elapsed() < DEADLINE, "{what}\n{}", said());
             std::thread::sleep(Duration::from_millis(5));
         }
+    }
+
+    /// Number of the process.
+    #[cfg(unix)]
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Interrupts the process, as Ctrl-C does.

@@ -1,9 +1,12 @@
 //! Log lines for the rows of a server, written outside its cycle, once per event.
 
+mod strangers;
+
 use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
 use crate::plant::{DriveState, PlantError};
+use strangers::Strangers;
 
 /// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,6 +82,7 @@ fn failure<const N: usize>(row: &Row<N>) -> String {
 }
 
 /// Logs phase changes, ends of sessions and the first of each kind of trouble; of a failing machine, each reason once until a re-arm.
+/// Lines about clients that are refused, or gone before their first command, are throttled; the events that it returns are complete.
 #[derive(Debug)]
 pub struct EventLog {
     phase: Phase,
@@ -88,6 +92,11 @@ pub struct EventLog {
     failures: Vec<Option<PlantError>>,
     failed_again: u64,
     latch_lost: bool,
+    strangers: Strangers,
+    /// The last session had a command, or was stopped; before the first one, the ramp of an earlier server.
+    has_acted: bool,
+    /// The grant of the session, if its line was left out.
+    grant: Option<String>,
 }
 
 impl Default for EventLog {
@@ -99,6 +108,9 @@ impl Default for EventLog {
             failures: Vec::new(),
             failed_again: 0,
             latch_lost: false,
+            strangers: Strangers::default(),
+            has_acted: true,
+            grant: None,
         }
     }
 }
@@ -113,6 +125,7 @@ impl EventLog {
         if row.welcomed {
             happened(EventKind::Granted, 0, format!("session granted (epoch {})", state.epoch.0));
             self.counters = Counters::default();
+            self.grant = None;
         }
         let (refused, before, now) = (row.refused, self.phase.name(), state.phase.name());
         if refused > 0 {
@@ -138,8 +151,25 @@ impl EventLog {
                 happened(EventKind::MachineFailed, 0, failure(row));
             }
         }
+        self.has_acted = match state.phase {
+            Phase::Submit | Phase::Obtain | Phase::Fault => true,
+            _ => self.has_acted && !row.welcomed,
+        };
+        if let Some(grant) = self.grant.take_if(|_| self.has_acted) {
+            tracing::info!("tick {tick}: {grant}");
+        }
         for event in &events {
-            self.log(event, row.ended);
+            if !self.is_of_a_stranger(event, row.ended) || self.strangers.admit(tick) {
+                self.log(event, row.ended);
+            } else if event.kind == EventKind::Refused {
+                self.strangers.add_refused(refused);
+            } else if event.kind == EventKind::Granted {
+                self.strangers.add_session();
+                self.grant = Some(event.text.clone());
+            }
+        }
+        if let Some(summary) = self.strangers.summary(tick) {
+            tracing::info!("tick {tick}: {summary}");
         }
         if failed_again > 0 {
             tracing::info!("tick {tick}: the machine failed {failed_again} more times until the re-arm");
@@ -152,6 +182,16 @@ impl EventLog {
         self.latch_lost = row.latch_lost;
         self.log_counters(tick, &state.counters);
         events
+    }
+
+    /// True if a peer without any right can cause this event.
+    fn is_of_a_stranger(&self, event: &Event, ended: Option<Cause>) -> bool {
+        match event.kind {
+            EventKind::Refused | EventKind::Granted => true,
+            EventKind::Ended => !self.has_acted && !matches!(ended, Some(Cause::Stop | Cause::Nominal)),
+            EventKind::Phase => !self.has_acted,
+            EventKind::MachineFailed => false,
+        }
     }
 
     /// Logs a machine that failed as an error, and an end that nobody asked for as a warning.
@@ -198,7 +238,7 @@ impl EventLog {
             (|c| c.non_owner, "frames from a connection that does not own the session"),
         ];
         for (of, text) in texts {
-            if of(&self.counters) == 0 && of(now) > 0 {
+            if of(&self.counters) == 0 && of(now) > 0 && (self.has_acted || self.strangers.admit(tick)) {
                 tracing::info!("tick {tick}: {text}; further ones of this session are only counted");
             }
         }

@@ -1,0 +1,139 @@
+//! Outputs that fail: every command that runs for long, with each of its standard streams closed, full, blocked, without a reader, or a
+//! terminal that is gone; and disks that are full. The ramp, the session and the exit code are those of an undisturbed run.
+
+mod disks;
+mod signals;
+mod storms;
+mod streams;
+
+use std::net::{Ipv4Addr, TcpStream};
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::process::{BINARY, Folder, Running, Streams};
+use crate::signals::rows;
+
+/// Longest wait for anything.
+const DEADLINE: Duration = Duration::from_secs(120);
+/// Offset, nm, from which a ramp to zero takes a while.
+const SOME_NM: i64 = 10_000;
+
+/// A folder, and addresses that are not used elsewhere: a command whose output fails cannot say which port it has taken.
+struct Bench {
+    folder: Folder,
+    ip: Ipv4Addr,
+}
+
+impl Bench {
+    fn new(name: &str) -> Self {
+        static COUNT: AtomicU8 = AtomicU8::new(1);
+        let [_, _, a, b] = std::process::id().to_be_bytes();
+        let ip = Ipv4Addr::new(127, COUNT.fetch_add(1, Ordering::Relaxed).max(1), a, b.max(1));
+        Self { folder: Folder::new(name), ip }
+    }
+
+    fn at(&self, port: u16) -> String {
+        format!("{}:{port}", self.ip)
+    }
+
+    /// Starts a server in lock-step that records and pulls.
+    fn serve(&self, program: &mut std::process::Command, streams: Streams, further: &[&str]) -> Running {
+        self.serve_to(program, streams, &[&["--record", "serve.csv"], further].concat())
+    }
+
+    /// The same without a recording.
+    fn serve_to(&self, program: &mut std::process::Command, streams: Streams, further: &[&str]) -> Running {
+        let (listen, sensor, labcomm) = (self.at(7000), self.at(7001), self.at(7003));
+        let ports = format!("{labcomm}=state,axes,tool,session_event,drives");
+        let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", &listen, "--sensor", &sensor];
+        arguments.extend(["--force-max", "120", "--step-seconds", "1", "--labcomm", &ports]);
+        arguments.extend(further);
+        let server = self.folder.start_by(program, "serve", &arguments, streams);
+        self.await_port(7000);
+        self.await_port(7001);
+        server
+    }
+
+    fn healthy_serve(&self) -> Running {
+        self.serve(&mut binary(), Streams::default(), &[])
+    }
+
+    fn client(&self, program: &mut std::process::Command, streams: Streams) -> Running {
+        let (server, sensor) = (self.at(7000), self.at(7001));
+        self.folder.start_by(program, "client", &["client", &server, "--sensor", &sensor], streams)
+    }
+
+    /// Waits until a port is listened on.
+    fn await_port(&self, port: u16) {
+        self.await_that("a port", || TcpStream::connect((self.ip, port)).is_ok());
+    }
+
+    fn await_that(&self, what: &str, mut done: impl FnMut() -> bool) {
+        let since = Instant::now();
+        while !done() {
+            assert!(since.elapsed() < DEADLINE, "{what}: {}", self.said());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Everything that was said on files.
+    fn said(&self) -> String {
+        let mut said = String::new();
+        for entry in std::fs::read_dir(self.folder.path(".")).unwrap().flatten() {
+            let path = entry.path();
+            if path.extension().is_some_and(|end| end == "out" || end == "err") {
+                said += &format!("\n{}:\n{}", path.display(), std::fs::read_to_string(&path).unwrap_or_default());
+            }
+        }
+        said
+    }
+
+    /// Waits until an offset is in force in the server's recording, and returns the number of its rows.
+    fn await_an_offset(&self) -> usize {
+        let mut count = 0;
+        self.await_that("an offset in force", || {
+            let rows = self.rows();
+            count = rows.len();
+            rows.iter().any(|(state, offsets)| state == "Obtain" && offsets.iter().any(|nm| nm.abs() > SOME_NM))
+        });
+        count
+    }
+
+    /// Waits until the session has gone on for some more rows in Obtain.
+    fn await_more(&self, from: usize) {
+        self.await_that("a session that goes on", || {
+            self.rows().iter().skip(from).filter(|(state, _)| state == "Obtain").count() > 300
+        });
+    }
+
+    fn rows(&self) -> Vec<(String, [i64; 3])> {
+        if self.folder.path("serve.csv").exists() { rows(&self.folder) } else { Vec::new() }
+    }
+
+    /// Checks that the recording ends at zero, and that no offset has jumped on the way.
+    fn assert_ramped(&self) {
+        let rows = self.rows();
+        crate::signals::assert_no_jump(&rows);
+        assert_eq!(rows.last().unwrap().1, [0; 3], "{}", self.said());
+        let last = rows.iter().rposition(|(state, _)| state == "Obtain").unwrap();
+        let left = rows[last].1.iter().map(|nm| nm.unsigned_abs()).max().unwrap();
+        let ramp = rows[last..].iter().position(|(_, offsets)| *offsets == [0; 3]).unwrap();
+        assert_eq!(u64::try_from(ramp).unwrap(), left.div_ceil(100));
+    }
+}
+
+fn binary() -> std::process::Command {
+    std::process::Command::new(BINARY)
+}
+
+/// A shell that becomes the binary, after these words: limits, or redirections behind `exec`.
+fn shell(before: &str, behind: &str) -> std::process::Command {
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-c", &format!("{before} exec \"$0\" \"$@\" {behind}"), BINARY]);
+    shell
+}
+
+/// Waits for the end of a command; returns its exit code.
+fn code(running: Running) -> Option<i32> {
+    running.end().code
+}
