@@ -15,7 +15,7 @@ use gantry_tau::model::MachineKind;
 use gantry_tau::plant::Plant;
 use gantry_tau::privileges;
 use gantry_tau::publication::{Machine, Publication};
-use gantry_tau::record::{RecordTo, Recording, drain};
+use gantry_tau::record::{RecordTo, Recorder, Recording, drain};
 use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen, Listening};
@@ -220,7 +220,8 @@ impl Serve {
         // Before the machine is touched: a recording that is refused must not cost it a start.
         let mut file = match &self.record {
             Some(to) => {
-                Some(Recording::create::<Row<N>, K>(&self.record_limit.of(self.publications.recorded(to)), robot)?)
+                let to = self.record_limit.of(self.publications.recorded(to));
+                Some(Recorder::start(Recording::create::<Row<N>, K>(&to, robot)?)?)
             }
             None => None,
         };
@@ -253,7 +254,12 @@ impl Serve {
         ));
         listen_to_the_keyboard(Arc::clone(&server.controls));
         let mut events = EventLog::default();
+        let mut has_lost = false;
         drain(&mut rows, |row, is_last| {
+            if !has_lost && server.controls.dropped_rows.load(Ordering::Relaxed) > 0 {
+                has_lost = true;
+                tracing::warn!("rows are lost: what publishes and records them does not keep up");
+            }
             each(row);
             let happened = events.see(row);
             for port in &mut publications {
@@ -264,7 +270,7 @@ impl Serve {
             }
             flusher.see(row.latched);
             if let Some(file) = &mut file {
-                file.write(row, &happened);
+                file.push(*row, happened);
             }
             if let Some(black_boxes) = &mut black_boxes {
                 black_boxes.write_waiting();
@@ -283,7 +289,7 @@ impl Serve {
         flusher.flush();
         let dropped = controls.dropped_rows.load(Ordering::Relaxed);
         let boxes_written = black_boxes.map_or(Ok(()), Writer::finish);
-        if let Some(recorded) = file.map(|file| file.finish(dropped)) {
+        if let Some(recorded) = file.and_then(|file| file.finish(dropped)) {
             say(&recorded);
             if let Some(failure) = recorded.failure {
                 return Err(failure.into());

@@ -36,6 +36,7 @@ struct Session<'a, const N: usize> {
     controls: &'a ClientControls,
     observer: &'a mut dyn Observer<N>,
     recorder: Option<Recorder<ClientRow<N>, N>>,
+    seen: Seen,
     report: ClientReport,
     states_without_sample: u64,
     held_in_a_row: u64,
@@ -83,12 +84,8 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
     let sensor = ForceSensor::connect(&options.sensor, &controls.quit)
         .map_err(|error| ClientError::unreachable("force sensor", options.sensor.address(), error))?;
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing moves yet.
-    let recorder = options.record.as_ref().map(|to| {
-        let mut seen = Seen::default();
-        Recorder::start(Recording::create::<ClientRow<N>, K>(to, &options.robot)?, move |row: &ClientRow<N>| {
-            seen.see(&row.state)
-        })
-    });
+    let recorder =
+        options.record.as_ref().map(|to| Recorder::start(Recording::create::<ClientRow<N>, K>(to, &options.robot)?));
     let recorder = recorder.transpose();
     let recorder = recorder.map_err(|error| ClientError::Setup(error.to_string()))?;
     let welcome = link.greet()?;
@@ -111,13 +108,14 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         controls,
         observer,
         recorder,
+        seen: Seen::default(),
         report: ClientReport::default(),
         states_without_sample: 0,
         held_in_a_row: 0,
         obtaining: false,
     };
     let result = session.answer_until_done();
-    let recorded = session.recorder.and_then(Recorder::finish);
+    let recorded = session.recorder.and_then(|recorder| recorder.finish(0));
     if let (Err(_), Some(recorded)) = (&result, &recorded) {
         tracing::info!("{recorded}");
     }
@@ -202,12 +200,13 @@ impl<const N: usize> Session<'_, N> {
         }
         self.controls.commands.fetch_add(1, Ordering::Relaxed);
         if let Some(recorder) = &mut self.recorder {
-            recorder.push(ClientRow {
+            let row = ClientRow {
                 state: *state,
                 targets: answer.command.targets.map(|target| target.position),
                 saturated: self.cut,
                 load: self.compensation.load(),
-            });
+            };
+            recorder.push(row, self.seen.see(state));
         }
         Ok(())
     }

@@ -33,48 +33,51 @@ const QUEUE: usize = 8_192;
 /// Producer side of a recording: pushing never blocks and never allocates.
 #[derive(Debug)]
 pub struct Recorder<T, const N: usize> {
-    queue: rtrb::Producer<T>,
+    queue: rtrb::Producer<(T, Vec<Event>)>,
     thread: JoinHandle<Recording<N>>,
     dropped: u64,
 }
 
 impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
-    /// Starts the thread that writes a recording; `events` tells what happened in a row.
+    /// Starts the thread that writes a recording. A blocked disk then blocks nothing else.
     ///
     /// # Errors
     /// [`RecordError`]: there is no further thread.
-    pub fn start(
-        mut recording: Recording<N>,
-        mut events: impl FnMut(&T) -> Vec<Event> + Send + 'static,
-    ) -> Result<Self, RecordError> {
+    pub fn start(mut recording: Recording<N>) -> Result<Self, RecordError> {
         let path = recording.path().to_owned();
-        let (queue, mut rows) = rtrb::RingBuffer::new(QUEUE);
+        let (queue, mut rows) = rtrb::RingBuffer::<(T, Vec<Event>)>::new(QUEUE);
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
-                drain(&mut rows, |row, _| recording.write(row, &events(row)));
+                drain(&mut rows, |(row, events), _| recording.write(row, events));
                 recording
             })
             .map_err(|error| RecordError { path, reason: error.to_string() })?;
         Ok(Self { queue, thread, dropped: 0 })
     }
 
-    /// Adds a row, or counts it as dropped.
-    pub fn push(&mut self, row: T) {
-        self.dropped += u64::from(self.queue.push(row).is_err());
+    /// Adds a row with what happened in it, or counts it as dropped; the first one is told.
+    pub fn push(&mut self, row: T, events: Vec<Event>) {
+        if self.queue.push((row, events)).is_err() {
+            if self.dropped == 0 {
+                tracing::warn!("the recording loses rows: its disk does not take {QUEUE} rows in time");
+            }
+            self.dropped += 1;
+        }
     }
 
-    /// Ends the recording. `None` if the writing thread panicked, which was reported on stderr.
+    /// Ends the recording, and adds rows that were dropped before they came here. `None` if the writing thread panicked, which was reported
+    /// on stderr.
     #[must_use]
-    pub fn finish(self) -> Option<Recorded> {
-        let Self { queue, thread, dropped } = self;
+    pub fn finish(self, dropped: u64) -> Option<Recorded> {
+        let Self { queue, thread, dropped: here } = self;
         drop(queue);
-        thread.join().ok().map(|recording| recording.finish(dropped))
+        thread.join().ok().map(|recording| recording.finish(here + dropped))
     }
 }
 
 /// Calls `each` with every row, and with true if it is the last one that waits, until the producer is gone and the queue is empty.
-pub fn drain<T: Copy>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T, bool)) {
+pub fn drain<T>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T, bool)) {
     loop {
         let gone = rows.is_abandoned();
         while let Ok(row) = rows.pop() {

@@ -116,6 +116,9 @@ impl Tally {
     /// Keeps the first failure.
     pub(super) fn fail(&mut self, error: &io::Error) {
         let path = self.path.clone();
+        if self.failure.is_none() {
+            tracing::warn!("recording {}: {error}; its rows are lost from here on", path.display());
+        }
         self.failure.get_or_insert(RecordError { path, reason: error.to_string() });
     }
 }

@@ -1,8 +1,9 @@
 //! Disks that are full, at the start and in the middle: the session goes on, the ramp is whole, and the log tells of it once it can.
 
+use std::fs::File;
 use std::io::Read;
 use std::os::unix::net::UnixStream;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 
@@ -44,9 +45,35 @@ fn in_the_middle_of_a_server() {
     monitor.stop().success();
     bench.assert_ramped();
     // The latch was written as soon as it could be.
-    let next = bench.serve_to(&mut binary(), Streams::default(), &["--epoch-file", "epoch"]);
-    bench.await_that("the stop of before", || next.stderr().contains("it starts in Fault"));
+    let mut next = bench.serve_to(&mut binary(), Streams::default(), &["--epoch-file", "epoch"]);
+    next.await_words("Ctrl-C");
+    assert!(next.stderr().contains("it starts in Fault"), "{}", next.stderr());
     next.stop().success();
+}
+
+/// A recording that blocks, as on a disk that hangs: the session and what is published go on, and so does the end of the ramp.
+#[test]
+fn that_hang_block_nothing_but_the_recording() {
+    let bench = Bench::new("disk-hangs");
+    let pipe = bench.folder.path("pipe.csv");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    // Opened, and not read: it takes some hundred rows.
+    let reader = std::thread::spawn(move || File::open(pipe).unwrap());
+    let mut server = bench.serve_to(&mut binary(), Streams::default(), &["--record", "pipe.csv"]);
+    let monitor = bench.folder.start("monitor", &["monitor", &bench.at(7003), "--record", "serve.csv"]);
+    let owner = bench.client(&mut binary(), Streams::default());
+    let from = bench.await_an_offset();
+    bench.await_more(from);
+    server.interrupt();
+    server.await_words("all offsets are zero; ended");
+    assert_eq!(code(owner), Some(6));
+    let mut reader = reader.join().unwrap();
+    let mut recorded = String::new();
+    reader.read_to_string(&mut recorded).unwrap();
+    let said = server.end().success();
+    assert!(said.contains(&format!("recorded {} rows to pipe.csv", recorded.lines().count() - 1)), "{said}");
+    monitor.stop().success();
+    bench.assert_ramped();
 }
 
 /// Recording of a client: it compensates, and says what it has lost.
@@ -86,8 +113,8 @@ fn at_the_start_is_one_line() {
     let bench = Bench::new("disk-start");
     bench.folder.write("plan.toml", PLAN);
     let serve = ["serve", "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0", "--epoch-file", "epoch"];
-    let demo = ["demo", "--report", "report.html"];
-    let experiment = ["experiment", "plan.toml", "-o", "springs.csv"];
+    let demo = ["demo", "--pace", "lockstep", "--step-seconds", "0.2", "--force-max", "60", "--report", "report.html"];
+    let experiment = ["experiment", "plan.toml", "--simulated", "-o", "springs.csv"];
     for (arguments, named) in [(serve.as_slice(), "epoch"), (&demo, "report.html"), (&experiment, "springs.csv")] {
         let (code, said) = said_on_a_full_disk(&bench.folder, arguments);
         assert_eq!(code, Some(1), "{said}");

@@ -6,15 +6,22 @@ mod signals;
 mod storms;
 mod streams;
 
+use std::fs::File;
 use std::net::{Ipv4Addr, TcpStream};
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::OpenOptionsExt;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
+
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::process::{BINARY, Folder, Running, Streams};
 use crate::signals::rows;
 
 /// Longest wait for anything.
-const DEADLINE: Duration = Duration::from_secs(120);
+const DEADLINE: Duration = Duration::from_secs(180);
+/// `O_NOCTTY`.
+const NO_CONTROLLING_TERMINAL: i32 = 0o400;
 /// Offset, nm, from which a ramp to zero takes a while.
 const SOME_NM: i64 = 10_000;
 
@@ -131,6 +138,17 @@ fn shell(before: &str, behind: &str) -> std::process::Command {
     let mut shell = std::process::Command::new("sh");
     shell.args(["-c", &format!("{before} exec \"$0\" \"$@\" {behind}"), BINARY]);
     shell
+}
+
+/// A terminal: the end of its user, and that of programs.
+fn terminal() -> (OwnedFd, OwnedFd) {
+    // Other tests start programs meanwhile, which must not inherit it.
+    let user = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&user).unwrap();
+    unlockpt(&user).unwrap();
+    let name = ptsname(&user, Vec::new()).unwrap().into_string().unwrap();
+    let program = File::options().read(true).write(true).custom_flags(NO_CONTROLLING_TERMINAL).open(name).unwrap();
+    (user, program.into())
 }
 
 /// Waits for the end of a command; returns its exit code.

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Stdio};
 
-use super::{Bench, binary, shell};
+use super::{Bench, binary, shell, terminal};
 use crate::process::{BINARY, Streams};
 
 #[test]
@@ -67,15 +67,14 @@ fn a_hangup_that_the_parent_ignores_does_nothing() {
 #[test]
 fn a_controlling_terminal_that_goes_away_is_a_ramp() {
     let bench = Bench::new("server-terminal");
-    let ends = nix::pty::openpty(None, None).unwrap();
-    let [input, output, log] = [(); 3].map(|()| Stdio::from(ends.slave.try_clone().unwrap()));
+    let (user, terminal) = terminal();
+    let [input, output, log] = [(); 3].map(|()| Stdio::from(terminal.try_clone().unwrap()));
     let mut program = Command::new("setsid");
     program.args(["--ctty", BINARY]);
     let server = bench.serve(&mut program, Streams { input, output: Some(output), log: Some(log) }, &[]);
-    drop(ends.slave);
     let owner = bench.client(&mut binary(), Streams::default());
     bench.await_an_offset();
-    drop(ends.master);
+    drop(user);
     assert_eq!(server.end().code, Some(0));
     bench.assert_ramped();
     assert_eq!(owner.end().code, Some(6));
