@@ -61,6 +61,8 @@ mod system {
         }
         blocked.thread_block()?;
         let wait = move || {
+            // It needs none; without the right to give them up it has none.
+            let _ = crate::privileges::give_up(&[]);
             loop {
                 if let Ok(signal) = ending.wait() {
                     signalled(signal as i32);

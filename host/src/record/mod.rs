@@ -49,6 +49,8 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
+                // But for its file. Without the right to give them up it has none.
+                let _ = crate::privileges::give_up(&[recording.path().to_owned()]);
                 drain(&mut rows, |(row, events), _| recording.write(row, events));
                 recording
             })

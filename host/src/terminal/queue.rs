@@ -55,7 +55,11 @@ impl Queue {
     ) -> io::Result<&'static Self> {
         let queue: &'static Self =
             Box::leak(Box::new(Self { name, log, state: Mutex::default(), changed: Condvar::new() }));
-        std::thread::Builder::new().name(name.to_owned()).spawn(move || queue.write_to(stream))?;
+        std::thread::Builder::new().name(name.to_owned()).spawn(move || {
+            // It writes to what is open; without the right to give them up it has none.
+            let _ = crate::privileges::give_up(&[]);
+            queue.write_to(stream)
+        })?;
         Ok(queue)
     }
 

@@ -157,12 +157,6 @@ impl Running {
         }
     }
 
-    /// Number of the process.
-    #[cfg(unix)]
-    pub(crate) fn id(&self) -> u32 {
-        self.child.id()
-    }
-
     /// Interrupts the process, as Ctrl-C does.
     #[cfg(unix)]
     pub(crate) fn interrupt(&self) {
