@@ -3,8 +3,8 @@
 pub mod connections;
 pub mod cycle;
 pub mod event_log;
-mod port_owner;
 pub mod keyboard;
+mod port_owner;
 pub mod tick_source;
 pub mod velocity_interface;
 

@@ -32,10 +32,10 @@ mod monitor;
 #[cfg(unix)]
 mod operator;
 mod outputs;
-#[cfg(unix)]
-mod ownership;
 #[cfg(target_os = "linux")]
 mod outputs_fail;
+#[cfg(unix)]
+mod ownership;
 mod plan;
 #[cfg(target_os = "linux")]
 mod privileges;
