@@ -35,6 +35,7 @@ fn run() -> Option<usize> {
             elapsed_cycles: 1,
             reading: Some(reading),
             stop: false,
+            quit: false,
             rearm: false,
             last_write: LastWrite::Accepted,
             arrival_us: 0,

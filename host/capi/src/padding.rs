@@ -108,7 +108,7 @@ padded! {
     gt_state {
         tick epoch accepted phase cause ramp_ticks_left arrival_us on_time_of_100 counters axis_count axes
     }
-    gt_tick_output { write motor_count motors refused welcomed has_owner owner ended state }
+    gt_tick_output { write motor_count motors refused welcomed has_owner owner ended latched state }
     gt_held { write follows motor_count motors }
     gt_black_box { ticks parts frozen }
     gt_pose { position_m rotation }

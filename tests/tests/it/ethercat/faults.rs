@@ -409,7 +409,7 @@ fn a_rearm_needs_motors_that_agree() {
         server.tick();
         server.largest_step_nm();
         for _ in 0..2_000 {
-            let row = server.step(Demands { stop: false, rearm: true });
+            let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
             assert_eq!(row.state.phase, Phase::Fault);
         }
         let row = server.tick();

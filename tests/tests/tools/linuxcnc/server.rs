@@ -66,9 +66,8 @@ fn setup(parameters: &str) -> String {
          loadrt streamer depth=6000 cfg=fff\nloadrt sampler depth=8000 cfg=fffffffffffffssuu\n\
          loadrt mux2 count=3\nloadrt sum2 count=3\nloadrt scale count=3\nnet enable gantry-tau.enable\nsetp gantry-tau.wrench-valid 1\nnet permit gantry-tau.permit\n"
     );
-    for joint in 0..AXES {
+    for (joint, home) in HOME_MM.into_iter().enumerate() {
         let pin = |group: usize| 3 * group + joint;
-        let home = HOME_MM[joint];
         let (nominal, reference, difference, offset) = (pin(0), pin(1), pin(2), pin(3));
         write!(
             hal,
