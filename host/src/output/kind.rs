@@ -9,6 +9,8 @@ use std::path::Path;
 const HEAD: u64 = 64 << 10;
 /// Bytes that have the mark of a page, picture, answer or header.
 const MARKED: usize = 256;
+/// Marks of JSON that belongs to measured data, black boxes and companions of recordings; it looks like an answer otherwise.
+const MEASURED: [&str; 3] = ["\"gantry-tau black box\"", "\"gantry-tau position loops\"", "\"started_ns\""];
 
 /// Contents of a whole file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,7 +82,11 @@ impl Kind {
         let has_key = |key: &str| head.lines().any(|line| line.trim_start().starts_with(key));
         match self {
             Self::Page | Self::Sheet | Self::Picture => start.contains(self.mark()),
-            Self::Answer => start.starts_with('{') && start.contains("\"gantry-tau "),
+            Self::Answer => {
+                start.starts_with('{')
+                    && start.contains("\"gantry-tau ")
+                    && !MEASURED.iter().any(|mark| head.contains(mark))
+            }
             Self::Header => start.contains("Written by `gantry-tau header`"),
             Self::Map => start.starts_with("x_m,y_m,z_m,code,condition,"),
             Self::Plan => has_key("format = \"gantry-tau "),

@@ -51,10 +51,12 @@ const TEXTS: [(Kind, &str); 9] = [
 ];
 
 /// Measured and foreign files, which no output replaces.
-const OTHERS: [(&str, &str); 6] = [
+const OTHERS: [(&str, &str); 8] = [
     ("rows.csv", "series,mounting,pose,window,stroke\nx,1,home,1,1\n"),
     ("run.csv", "tick,state\n1,obtain\n"),
-    ("box.jsonl", "{\"format\":\"gantry-tau black box\",\"version\":3}\n"),
+    ("box.jsonl", "{\"format\":\"gantry-tau black box\",\"version\":4}\n"),
+    ("loops.jsonl", "{\"format\":\"gantry-tau position loops\",\"version\":1}\n"),
+    ("run.csv.json", "{\n  \"written_by\": \"gantry-tau 0.1.0\",\n  \"started_ns\": \"1\"\n}\n"),
     ("page.html", "<!doctype html><html><body>the user's own</body></html>"),
     ("package.json", "{\n  \"name\": \"x\"\n}"),
     ("notes.txt", "kept"),
@@ -80,10 +82,6 @@ fn an_output_replaces_its_own_kind_and_nothing_else() {
         }
         fs::remove_file(&target).unwrap();
         for (name, old) in OTHERS {
-            // A black box is a JSON object in its first line, and shows the format of an answer.
-            if (name, kind) == ("box.jsonl", Kind::Answer) {
-                continue;
-            }
             let target = folder.put(name, old);
             let output = Output::new(&*target, kind);
             assert!(output.check(true).is_err() && output.write(text).is_err(), "{kind:?} over {name}");
