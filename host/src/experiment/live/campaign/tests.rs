@@ -90,7 +90,8 @@ impl Bench {
     fn rows(&self) -> Vec<(String, String, f64, f64)> {
         let plan = crate::experiment::fixture::read(&self.folder.path("plan.toml"));
         let path = self.folder.path("springs.csv");
-        if std::fs::read_to_string(&path).unwrap().lines().count() < 2 {
+        // The table is made with its first row.
+        if !path.exists() {
             return Vec::new();
         }
         let windows = springs::windows_of::<3>(&path, &plan.poses, &plan.gauges).unwrap();
