@@ -19,7 +19,7 @@ fn the_walk_to_springs_ends_with_less_displacement() {
     let said: Vec<String> = commands.iter().map(|command| folder.run(command).success()).collect();
     assert!(said[2].contains("9 of 9 parameters seen"), "{}", said[2]);
     let identified = folder.read("my-l2.toml");
-    assert!(identified.contains("# Compliances of the links, m/N; IDENTIFIED with springs.csv"), "{identified}");
+    assert!(identified.contains("# Compliances of the links, m/N; IDENTIFIED with campaign.csv"), "{identified}");
     let page = folder.read("springs.html");
     assert!(page.matches("<svg").count() == 12 && !page.contains("NaN"), "nine gauges, three plots of what is left");
     // The demo before and after, at 300 N.
