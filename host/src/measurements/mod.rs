@@ -36,9 +36,12 @@ pub fn format_of(path: &Path) -> Result<String, FileError> {
     setup::parse::<Format>(path, &setup::text(path)?).map(|format| format.format)
 }
 
-/// Returns the table that a set-up names, if the file is one.
+/// Returns the table that a set-up names, if the file is one. A pipe is not looked into: it is read once, by the command.
 #[must_use]
 pub fn table_of(path: &Path) -> Option<PathBuf> {
+    if !path.is_file() {
+        return None;
+    }
     let named = setup::parse::<NamedTable>(path, &setup::text(path).ok()?).ok()?;
     Some(setup::beside(path, &named.measurements))
 }
