@@ -89,7 +89,7 @@ fn another_file_is_refused_with_line_and_reason() {
     };
     type Edit = Box<dyn Fn(&str) -> String>;
     let edits: [(usize, Edit, &str); 6] = [
-        (1, Box::new(swap("\"version\":3", "\"version\":2")), "version is 2; this program reads version 3"),
+        (1, Box::new(swap("\"version\":4", "\"version\":2")), "version is 2; this program reads version 4"),
         (1, Box::new(swap("\"axes\":3", "\"axes\":5")), "axes is 5"),
         (2, Box::new(swap("\"ramp\":100", "\"ramp\":0")), "config.axes[0].limits.position: ramp is 0"),
         (2, Box::new(swap("\"upper\":", "\"upper\":-9")), "config: axis 0: lower end of a travel"),

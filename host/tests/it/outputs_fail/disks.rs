@@ -27,7 +27,7 @@ fn in_the_middle_of_a_server() {
     let further = ["--record", "full.csv", "--black-box", "boxes", "--epoch-file", "epoch"];
     let mut server = bench.serve_to(&mut binary(), streams, &further);
     let mut monitor = bench.folder.start("monitor", &["monitor", &bench.at(7003), "--record", "serve.csv"]);
-    let owner = bench.client(&mut binary(), Streams::default());
+    let owner = bench.paced_client();
     let from = bench.await_an_offset();
     fill_disks(&server, true);
     bench.await_more(from);
@@ -61,7 +61,7 @@ fn that_hang_block_nothing_but_the_recording() {
     let reader = std::thread::spawn(move || File::open(pipe).unwrap());
     let mut server = bench.serve_to(&mut binary(), Streams::default(), &["--record", "pipe.csv"]);
     let monitor = bench.folder.start("monitor", &["monitor", &bench.at(7003), "--record", "serve.csv"]);
-    let owner = bench.client(&mut binary(), Streams::default());
+    let owner = bench.paced_client();
     let from = bench.await_an_offset();
     bench.await_more(from);
     server.interrupt();

@@ -178,7 +178,7 @@ fn of_a_monitor() {
     each(|name, failure, failing| {
         let bench = Bench::new(&format!("monitor-{name}"));
         let server = bench.healthy_serve();
-        let owner = bench.client(&mut binary(), Streams::default());
+        let owner = bench.paced_client();
         let labcomm = bench.at(7003);
         let forms: [&[&str]; 2] = [&[], &["--status", "--every", "0.05"]];
         let mut monitors: Vec<(Running, String)> = Vec::new();
