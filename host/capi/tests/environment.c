@@ -17,7 +17,8 @@
 #endif
 
 #include "gantry_tau.h"
-#include "../examples/machines.h"
+#include "../examples/f1.h"
+#include "../examples/l2.h"
 
 static GT_MEMORY(GT_L2_SIZE) l2_memory;
 static GT_MEMORY(GT_F1_SIZE) f1_memory;

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "gantry_tau.h"
-#include "../examples/machines.h"
+#include "../examples/f1.h"
 
 static GT_MEMORY(GT_SERVER_SIZE_3_BLACK_BOX) memory;
 static GT_MEMORY(GT_F1_SIZE) f1_memory;
