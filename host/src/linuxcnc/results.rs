@@ -19,6 +19,10 @@ pub(super) const LOADED_N: f64 = 1.0;
 /// Largest change of the force between two periods that counts as standing still, N. Where the platform turns, the sensor's sample does.
 const STANDS_N: f64 = 0.5;
 
+/// Error of a change of an offset, nm. The record has commands and references; the component rounds the command to whole nanometres before
+/// the core adds the offset, so that the difference of the two is the offset to half a nanometre, and that of two of them to one, rounded up.
+const ROUNDING_NM: u32 = 2;
+
 /// Numbers of table, report and JSON file. The JSON layout is stable: fields are added, never renamed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
@@ -78,7 +82,8 @@ pub struct Ramp {
     pub ticks: u64,
     /// Expected ticks: the largest start offset over the rate, rounded up.
     pub expected_ticks: u64,
-    /// Periods in which an offset did not change by its rate, or by what was left of it; or, in a period without a tick, at all.
+    /// Periods in which an offset did not change by its rate, or by what was left of it, to the rounding of the record; or, in a period without
+    /// a tick, at all.
     pub inexact: usize,
     /// Periods in which the path moved.
     pub moving: usize,
@@ -220,7 +225,8 @@ fn ramp<K, const N: usize>(robot: &RobotFile<K, N>, all: &[Moment<N>], ramping: 
         let is_held = last.tick == now.tick;
         last.offset_nm.iter().zip(now.offset_nm).zip(rates).all(|((last, now), rate)| {
             let left = last.unsigned_abs() - last.unsigned_abs().min(if is_held { 0 } else { rate });
-            left == now.unsigned_abs() && last.signum() * now.signum() >= 0
+            left.abs_diff(now.unsigned_abs()) <= ROUNDING_NM
+                && (last.signum() * now.signum() >= 0 || left <= ROUNDING_NM)
         })
     };
     let has_tick = |(last, now): &(&Period<N>, &Period<N>)| last.tick != now.tick;

@@ -39,7 +39,12 @@ pub(super) fn second_server() {
         let mut command = Command::new(words[0]);
         command.args(&words[1..]).args(["--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"]);
         let plant = format!("ethercat:{}", ENDS[0]);
-        let output = command.args(["--plant", &plant]).env("STATE_DIRECTORY", &folder).current_dir(&folder).output();
+        let output = command
+            .args(["--plant", &plant])
+            .env("STATE_DIRECTORY", &folder)
+            .env("HOME", &folder)
+            .current_dir(&folder)
+            .output();
         let output = output.unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     };

@@ -7,8 +7,9 @@ mod record;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::net::{TcpListener, UdpSocket};
+use std::os::unix::fs::PermissionsExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -297,6 +298,10 @@ fn epochs_in_use(ports: &str) {
     let folder = std::env::temp_dir().join(format!("gantry-tau-epochs-in-use-{}", std::process::id()));
     let place = Place::named(&folder.join("epochs"));
     let owned = State::own(&place, "test").unwrap();
+    // LinuxCNC runs as another user.
+    for path in [folder.clone(), folder.join("epochs.lock")] {
+        std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
+    }
     let parameters = format!("{ports} epoch_file={}", place.epoch_file.display());
     refused("epochs-in-use", &parameters, "epochs: in use by another server");
     assert!(!place.epoch_file.exists());
