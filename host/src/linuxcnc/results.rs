@@ -130,7 +130,8 @@ impl Results {
         }
         for ramp in &self.ramps {
             let Ramp { seconds, ticks, expected_ticks, inexact, .. } = ramp;
-            if ticks != expected_ticks || *inexact > 0 {
+            // The largest start offset is known to the rounding of the record, which is less than the step of a tick.
+            if ticks.abs_diff(*expected_ticks) > 1 || *inexact > 0 {
                 complaints.push(format!(
                     "the ramp at {seconds:.1} s took {ticks} ticks, not {expected_ticks}, and {inexact} of its steps are not exact"
                 ));
