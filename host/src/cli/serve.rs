@@ -168,7 +168,7 @@ impl MachineCommand for Serve {
     }
 }
 
-/// What a server owns before it has an effect; given back in the reverse order of taking.
+/// Ownership of a server before its first effect; given back in the reverse order of taking.
 pub(super) struct Owned {
     ports: Ports,
     state: State,

@@ -1,4 +1,4 @@
-//! Where a recording comes from: program, machine, computer and time of day.
+//! Origin of a recording: program, machine, computer and time of day.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

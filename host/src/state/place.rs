@@ -59,7 +59,7 @@ pub struct Place {
     pub epoch_file: PathBuf,
     /// The epoch file of version 0.1, one for all machines of a login: taken over where the other is missing.
     pub earlier: Option<PathBuf>,
-    /// What to do if the place cannot be used.
+    /// Remedy if the place cannot be used.
     pub remedy: &'static str,
 }
 
@@ -79,7 +79,7 @@ impl Place {
 )]
 pub struct PlaceError;
 
-/// What decides where states lie.
+/// Facts that decide where states lie.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Environment {
     /// `STATE_DIRECTORY`, which systemd gives a service.

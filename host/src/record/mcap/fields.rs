@@ -1,4 +1,4 @@
-//! What the fields of the samples mean, for the JSON schemas: units, codes and words.
+//! Meaning of the samples' fields, for the JSON schemas: units, codes and words.
 
 use gantry_tau_core::control::message::{Cause, Phase};
 use serde_json::{Map, Value, json};
