@@ -31,14 +31,15 @@ KILLED_AT = 0.5
 REST_S = 0.5
 LISTENING, OBTAIN, SAFE_DISCONNECT, FAULT = 0, 3, 4, 5
 
-# Joints in nm, as the server counts them: commands, then references. What the server and its sensor say besides.
+# Joints in nm, as the server counts them: commands, references, offsets. What the server and its sensor say besides.
 HAL = """
 set joints $::KINS(JOINTS)
-loadrt sampler depth=4000,4000 cfg=[string repeat f [expr {2 * $joints}]],ffffffssuu
-loadrt scale count=[expr {2 * $joints}]
+loadrt sampler depth=4000,4000 cfg=[string repeat f [expr {3 * $joints}]],ffffffssuu
+loadrt scale count=[expr {3 * $joints}]
 for {set joint 0} {$joint < $joints} {incr joint} {
     set gain [lindex [join $::DEMO(NM_PER_UNIT)] $joint]
-    foreach {place signal} [list $joint command-$joint [expr {$joints + $joint}] reference-$joint] {
+    net offset-$joint gantry-tau.$joint.offset
+    foreach {place signal} [list $joint command-$joint [expr {$joints + $joint}] reference-$joint [expr {2 * $joints + $joint}] offset-$joint] {
         addf scale.$place servo-thread
         setp scale.$place.gain $gain
         net $signal => scale.$place.in

@@ -5,14 +5,19 @@ use std::str::FromStr;
 
 use gantry_tau_core::control::message::{Cause, Phase};
 
+/// Precision of the samplers' files, nm, and of a plate's angle.
+const PRINTED_NM: f64 = 1e-4;
+
 /// One servo period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Period<const N: usize> {
     /// Number of the period, from 0.
     pub(super) number: u64,
-    /// Commands of LinuxCNC, nm.
+    /// Commands of LinuxCNC, whole nm.
     pub(super) nominal_nm: [i64; N],
-    /// Offset in each reference of the drives, nm: reference minus command.
+    /// References of the drives, nm.
+    pub(super) reference_nm: [i64; N],
+    /// Offsets in force, nm.
     pub(super) offset_nm: [i32; N],
     /// Raw sample of the force sensor, N and N m.
     pub(super) wrench: [f64; 6],
@@ -57,7 +62,7 @@ pub enum RecordError {
 /// # Errors
 /// [`RecordError`]: among others where a sampler has lost a period.
 pub(super) fn read<const N: usize>(folder: &Path) -> Result<Vec<Period<N>>, RecordError> {
-    let joints = Table::read(&folder.join("joints.txt"), 2 * N)?;
+    let joints = Table::read(&folder.join("joints.txt"), 3 * N)?;
     let server = Table::read(&folder.join("server.txt"), 10)?;
     let mut periods = Vec::new();
     for (number, (joints_row, server_row)) in joints.rows.iter().zip(&server.rows).enumerate() {
@@ -106,8 +111,9 @@ fn numbers(line: &str, number: usize, columns: usize) -> Result<Vec<f64>, String
 }
 
 fn period<const N: usize>(number: usize, joints: &[f64], server: &[f64]) -> Result<Period<N>, String> {
-    let (Some((nominal, references)), &[w0, w1, w2, w3, w4, w5, phase, cause, missed, tick]) =
-        (joints.split_at_checked(N), server)
+    let columns: Vec<_> = joints.chunks_exact(N).map(|columns| <[f64; N]>::try_from(columns).ok()).collect();
+    let ([Some(command), Some(reference), Some(offset)], &[w0, w1, w2, w3, w4, w5, phase, cause, missed, tick]) =
+        (columns.as_slice(), server)
     else {
         return Err("columns are missing".to_owned());
     };
@@ -115,19 +121,32 @@ fn period<const N: usize>(number: usize, joints: &[f64], server: &[f64]) -> Resu
     let mut period = Period {
         number: number as u64,
         nominal_nm: [0; N],
-        offset_nm: [0; N],
+        reference_nm: whole(reference)?,
+        offset_nm: whole(offset)?.map(|nm| nm as i32),
         wrench: [w0, w1, w2, w3, w4, w5],
         phase: Phase::from_code(code(phase)).ok_or_else(|| format!("{phase} is not a phase"))?,
         cause: Cause::from_code(code(cause)).ok_or_else(|| format!("{cause} is not a cause"))?,
         missed: missed as u32,
         tick: tick as u32,
     };
-    let axes = period.nominal_nm.iter_mut().zip(&mut period.offset_nm);
-    for ((nominal_nm, offset_nm), (nominal, reference)) in axes.zip(nominal.iter().zip(references)) {
-        // LinuxCNC's commands are no whole nanometres; an offset is.
-        (*nominal_nm, *offset_nm) = (nominal.round() as i64, (reference - nominal).round() as i32);
+    let axes = period.nominal_nm.iter_mut().zip(period.reference_nm).zip(period.offset_nm).zip(command);
+    for (((nominal_nm, reference_nm), offset_nm), command) in axes {
+        *nominal_nm = nearest(*command, reference_nm - i64::from(offset_nm));
     }
     Ok(period)
+}
+
+/// Whole nanometres, as the component counts them; of a plate they have been in degrees.
+fn whole<const N: usize>(values: &[f64; N]) -> Result<[i64; N], String> {
+    match values.iter().find(|value| !((*value - value.round()).abs() < PRINTED_NM)) {
+        Some(value) => Err(format!("{value} nm is not a whole number")),
+        None => Ok(values.map(|value| value.round() as i64)),
+    }
+}
+
+/// A command in whole nanometres: `counted` if that is one nearest to it. Commands are interpolated, and many lie halfway between two.
+fn nearest(command: f64, counted: i64) -> i64 {
+    if (command - counted as f64).abs() < 0.5 + PRINTED_NM { counted } else { command.round() as i64 }
 }
 
 #[cfg(test)]
@@ -143,17 +162,20 @@ mod tests {
         folder
     }
 
-    const JOINTS: &str = "0 1.4 2 3 1.4 2 3\n1 1.4 2 3 101.4 2 -97\n2 1.6 2 3 1.6 2 3\n3 1.6 2";
+    const JOINTS: &str = "0 1.4 2 3 1 2 3 0 0 0\n1 1.5 2.5 3 101 3 -97 100 0 -100\n2 1.6 2 3 2 7 3 0 0 0\n3 1.6 2";
     const SERVER: &str = "0 0 0 0 0 0 0 0 0 0 5\n1 1.5 0 0 0 0 -2 2 0 7 6\n2 0 0 0 0 0 0 4 5 0 7\n";
 
     #[test]
     fn a_record_begins_with_its_first_session_and_a_cut_line_is_dropped() {
         let periods = read::<3>(&folder("whole", JOINTS, SERVER)).unwrap();
         let [first, second] = periods.as_slice() else { panic!("{periods:?}") };
-        assert_eq!((first.number, first.nominal_nm, first.offset_nm), (1, [1, 2, 3], [100, 0, -100]));
+        // Halfway between two is the one that the component took.
+        assert_eq!((first.number, first.nominal_nm), (1, [1, 3, 3]));
+        assert_eq!((first.reference_nm, first.offset_nm), ([101, 3, -97], [100, 0, -100]));
         assert_eq!((first.wrench, first.phase), ([1.5, 0.0, 0.0, 0.0, 0.0, -2.0], Phase::Submit));
         assert_eq!((first.missed, first.tick), (7, 6));
-        assert_eq!((second.nominal_nm, second.phase, second.cause), ([2, 2, 3], Phase::SafeDisconnect, Cause::Closed));
+        assert_eq!((second.nominal_nm, second.reference_nm), ([2, 2, 3], [2, 7, 3]));
+        assert_eq!((second.phase, second.cause), (Phase::SafeDisconnect, Cause::Closed));
     }
 
     #[test]
@@ -167,7 +189,9 @@ mod tests {
         let other = "server.txt, line 1: 1 columns instead of 10: another machine?";
         assert_eq!(said("other", JOINTS, "0 1\n"), other);
         assert_eq!(said("phase", JOINTS, "0 0 0 0 0 0 0 9 0 0 0\n"), "server.txt, line 1: 9 is not a phase");
-        assert!(said("none", "0 1 2 3 1 2 3\n", SERVER).ends_with("no session of a client is in the record"));
+        let fraction = JOINTS.replace(" 101 ", " 101.4 ");
+        assert_eq!(said("fraction", &fraction, SERVER), "server.txt, line 2: 101.4 nm is not a whole number");
+        assert!(said("none", "0 1 2 3 1 2 3 0 0 0\n", SERVER).ends_with("no session of a client is in the record"));
         assert!(said("overrun", "overrun\n", SERVER).contains("line 1"));
     }
 }

@@ -19,10 +19,6 @@ pub(super) const LOADED_N: f64 = 1.0;
 /// Largest change of the force between two periods that counts as standing still, N. Where the platform turns, the sensor's sample does.
 const STANDS_N: f64 = 0.5;
 
-/// Error of a change of an offset, nm. The record has commands and references; the component rounds the command to whole nanometres before
-/// the core adds the offset, so that the difference of the two is the offset to half a nanometre, and that of two of them to one, rounded up.
-const ROUNDING_NM: u32 = 2;
-
 /// Numbers of table, report and JSON file. The JSON layout is stable: fields are added, never renamed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
@@ -82,8 +78,7 @@ pub struct Ramp {
     pub ticks: u64,
     /// Expected ticks: the largest start offset over the rate, rounded up.
     pub expected_ticks: u64,
-    /// Periods in which an offset did not change by its rate, or by what was left of it, to the rounding of the record; or, in a period without
-    /// a tick, at all.
+    /// Periods in which an offset did not change by its rate, or by what was left of it; or, in a period without a tick, at all.
     pub inexact: usize,
     /// Periods in which the path moved.
     pub moving: usize,
@@ -130,8 +125,7 @@ impl Results {
         }
         for ramp in &self.ramps {
             let Ramp { seconds, ticks, expected_ticks, inexact, .. } = ramp;
-            // The largest start offset is known to the rounding of the record, which is less than the step of a tick.
-            if ticks.abs_diff(*expected_ticks) > 1 || *inexact > 0 {
+            if ticks != expected_ticks || *inexact > 0 {
                 complaints.push(format!(
                     "the ramp at {seconds:.1} s took {ticks} ticks, not {expected_ticks}, and {inexact} of its steps are not exact"
                 ));
@@ -144,22 +138,30 @@ impl Results {
 /// Requires of every period what the core guarantees of references, with the core's monitor.
 fn judge<K, const N: usize>(robot: &RobotFile<K, N>, moments: &[Moment<N>]) -> Result<(), String> {
     let limits = robot.limits.each_ref().map(|axis| axis.limits);
-    let mut monitor = Monitor::new(limits, Some(robot.limits.each_ref().map(|axis| axis.machine_travel)));
+    let travels = robot.limits.each_ref().map(|axis| axis.machine_travel);
+    let mut monitor = Monitor::new(limits, Some(travels));
     let Some(first) = moments.first() else { return Ok(()) };
     let in_force = first.period.nominal_nm.map(|nm| InForce::at(PositionNm(nm)));
     monitor.rebase(&in_force).map_err(|violation| violation.to_string())?;
     for Moment { period, .. } in moments {
         let nominal = period.nominal_nm.map(PositionNm);
-        let mut references = nominal.map(|position| Reference {
-            position,
+        let references = period.reference_nm.map(|nm| Reference {
+            position: PositionNm(nm),
             velocity_offset: VelocityUmS(0),
             torque_offset: TorquePermille(0),
         });
-        for (reference, offset) in references.iter_mut().zip(period.offset_nm) {
-            reference.position.0 += i64::from(offset);
-        }
         let judged = monitor.check_references(&nominal, &references);
         judged.map_err(|violation| format!("period {}: {violation}", period.number))?;
+        for (joint, (nominal, travel)) in nominal.iter().zip(&travels).enumerate() {
+            let (reference, offset) = (period.reference_nm[joint], period.offset_nm[joint]);
+            let expected = (nominal.0 + i64::from(offset)).clamp(travel.lower.0, travel.upper.0);
+            if reference != expected {
+                let number = period.number;
+                return Err(format!(
+                    "period {number}: joint {joint} is at {reference} nm, and command plus offset at {expected}"
+                ));
+            }
+        }
     }
     Ok(())
 }
@@ -226,8 +228,7 @@ fn ramp<K, const N: usize>(robot: &RobotFile<K, N>, all: &[Moment<N>], ramping: 
         let is_held = last.tick == now.tick;
         last.offset_nm.iter().zip(now.offset_nm).zip(rates).all(|((last, now), rate)| {
             let left = last.unsigned_abs() - last.unsigned_abs().min(if is_held { 0 } else { rate });
-            left.abs_diff(now.unsigned_abs()) <= ROUNDING_NM
-                && (last.signum() * now.signum() >= 0 || left <= ROUNDING_NM)
+            left == now.unsigned_abs() && last.signum() * now.signum() >= 0
         })
     };
     let has_tick = |(last, now): &(&Period<N>, &Period<N>)| last.tick != now.tick;

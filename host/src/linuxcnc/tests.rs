@@ -23,6 +23,8 @@ struct Row {
     phase: Phase,
     is_loaded: bool,
     offset_nm: [i32; 3],
+    /// Error of the references.
+    strayed_nm: i64,
     tick: usize,
 }
 
@@ -71,7 +73,7 @@ impl Played {
                     *offset += (target_nm(axis) - *offset).clamp(-largest, largest);
                 }
             }
-            self.rows.push(Row { phase, is_loaded, offset_nm, tick: tick + usize::from(has_tick) });
+            self.rows.push(Row { phase, is_loaded, offset_nm, strayed_nm: 0, tick: tick + usize::from(has_tick) });
         }
     }
 
@@ -84,10 +86,12 @@ impl Played {
         for (number, row) in self.rows.iter().enumerate() {
             let moved = 20_000 * i64::try_from(number).unwrap();
             let nominal = self.nominal_nm.map(|nm| nm + moved);
-            let reference = [0, 1, 2].map(|axis| nominal[axis] + i64::from(row.offset_nm[axis]));
-            // As LinuxCNC has them: no whole nanometres.
-            let line = nominal.into_iter().chain(reference).map(|nm| format!(" {nm}.25")).collect::<String>();
-            writeln!(joints, "{number}{line}").unwrap();
+            let reference = [0, 1, 2].map(|axis| nominal[axis] + i64::from(row.offset_nm[axis]) + row.strayed_nm);
+            // LinuxCNC has no whole nanometres; the component has.
+            let command = nominal.map(|nm| format!("{nm}.25"));
+            let counts = reference.into_iter().chain(row.offset_nm.map(i64::from)).map(|nm| nm.to_string());
+            let line: Vec<String> = command.into_iter().chain(counts).collect();
+            writeln!(joints, "{number} {}", line.join(" ")).unwrap();
             let force = if row.is_loaded { FORCE_N } else { 0.0 };
             let raw = mounting.seen(&Vector6::new(force, 0.0, 0.0, 0.0, 0.0, 0.0), &UnitQuaternion::identity());
             let raw = raw.iter().map(|value| format!("{value:.6} ")).collect::<String>();
@@ -149,6 +153,17 @@ fn a_step_that_the_core_does_not_take_is_a_complaint() {
     played.rows[at].offset_nm[2] -= 5_001;
     let (results, _) = played.report("step");
     assert!(results.complaints.iter().any(|text| text.starts_with(&format!("period {at}:"))), "{results:?}");
+}
+
+#[test]
+fn a_reference_that_is_not_command_plus_offset_is_a_complaint() {
+    let mut played = Played::new();
+    for row in &mut played.rows[700..] {
+        row.strayed_nm = 1;
+    }
+    let (results, _) = played.report("strayed");
+    let [complaint] = results.complaints.as_slice() else { panic!("{results:?}") };
+    assert!(complaint.starts_with("period 700: joint 0 is at "), "{complaint}");
 }
 
 #[test]

@@ -106,11 +106,7 @@ struct Tool<const N: usize> {
 impl<const N: usize> Tool<N> {
     fn moment(&mut self, period: &Period<N>) -> Result<Moment<N>, ElasticError> {
         let nominal = self.axes(&period.nominal_nm);
-        let mut references = period.nominal_nm;
-        for (reference, offset) in references.iter_mut().zip(period.offset_nm) {
-            *reference += i64::from(offset);
-        }
-        let references = self.axes(&references);
+        let references = self.axes(&period.reference_nm);
         self.rigid = self.with.machine().equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
         let began = self.rigid.pose;
         // The demonstration's sensor shows the load in the axes of the unloaded platform.
