@@ -37,8 +37,7 @@ pub(crate) const CALLS: &[Call] = &[
     call("six_forward_warm", Some(5_000), six_forward_warm),
     call("six_jacobian", Some(2_200), six_jacobian),
     call("six_compensation", Some(7_000), six_compensation),
-    // 2 788, and one percent for the latch of stops, which every tick decides and gives out.
-    call("session_tick", Some(2_815), session_tick),
+    call("session_tick", Some(2_800), session_tick),
     call("position_loop_axis", Some(220), position_loop::axis),
     call("position_loop_velocity", Some(120), position_loop::axis_of_velocity),
     call("position_loops_of_six", None, position_loop::six_axes),

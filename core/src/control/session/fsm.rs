@@ -256,11 +256,8 @@ fn decide_running(now: FsmState, input: &FsmInput, rules: &Rules) -> Decision {
 
 /// Returns the history with a missed deadline for each skipped cycle.
 fn pushed(history: u128, skipped: u32) -> u128 {
-    let all = u128::MAX;
-    match (history.checked_shl(skipped), all.checked_shl(skipped)) {
-        (Some(shifted), Some(kept)) => shifted | !kept,
-        _ => all,
-    }
+    // On-time deadlines are the zeros: they are shifted, and none comes in.
+    !(!history).checked_shl(skipped).unwrap_or(0)
 }
 
 /// Follows a fresh command in Submit or Obtain.
