@@ -102,7 +102,7 @@ impl Command {
 }
 
 /// Source of the ticks.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum, PartialEq, Eq)]
 enum Pace {
     /// One tick per millisecond of the clock
     Real,

@@ -20,7 +20,7 @@ use gantry_tau::robot_file::{RobotFile, RobotFileError};
 use gantry_tau::sensor_link::SensorPublisher;
 use gantry_tau::server::connections::{Allowed, Listen, Listening};
 use gantry_tau::server::cycle::{Cycle, Row};
-use gantry_tau::server::event_log::EventLog;
+use gantry_tau::server::event_log::{EventLog, Losses};
 use gantry_tau::server::{Controls, Server, ServerError, keyboard};
 use gantry_tau::signals;
 use gantry_tau::sim::load_generator::load_generator;
@@ -254,14 +254,13 @@ impl Serve {
         ));
         listen_to_the_keyboard(Arc::clone(&server.controls));
         let mut events = EventLog::default();
-        let mut has_lost = false;
+        let mut losses = Losses::default();
         drain(&mut rows, |row, is_last| {
-            if !has_lost && server.controls.dropped_rows.load(Ordering::Relaxed) > 0 {
-                has_lost = true;
-                tracing::warn!("rows are lost: what publishes and records them does not keep up");
-            }
             each(row);
-            let happened = events.see(row);
+            let mut happened = events.see(row);
+            let is_behind = server.controls.dropped_rows.load(Ordering::Relaxed) > 0;
+            let recording = file.as_ref().is_some_and(Recorder::loses_rows);
+            happened.extend(losses.see(row.state.tick.0, is_behind, recording));
             for port in &mut publications {
                 port.publish(row, &happened);
                 if is_last {
@@ -336,8 +335,13 @@ impl Serve {
             .map(|sensor| sensor.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let publications =
-            self.publications.bind::<N>(allowed, &Machine::of(robot), robot.simulation.gauge_resolution_m)?;
+            self.publications.bind::<N>(allowed, &self.machine(robot), robot.simulation.gauge_resolution_m)?;
         Ok(Ports { clients, sensor, publications })
+    }
+
+    /// Identity of the machine for readers of samples.
+    fn machine<K: MachineKind<N>, const N: usize>(&self, robot: &RobotFile<K, N>) -> Machine {
+        Machine { lockstep: u8::from(self.pace == Pace::Lockstep), ..Machine::of(robot) }
     }
 
     /// Knowledge of the command line about a machine without state.

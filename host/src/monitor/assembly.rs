@@ -67,6 +67,7 @@ pub(super) struct Assembly {
     before: Option<AxesOf>,
     /// Tick in which the machine failed.
     failed: Option<i64>,
+    rows_lost: bool,
 }
 
 impl Assembly {
@@ -120,6 +121,11 @@ impl Assembly {
     /// The machine failed in a tick.
     pub(super) const fn machine_failed(&mut self, tick: i64) {
         self.failed = Some(tick);
+    }
+
+    /// The server has lost rows.
+    pub(super) const fn rows_lost(&mut self) {
+        self.rows_lost = true;
     }
 
     /// Ends the last tick when a sample of another one comes.
@@ -177,6 +183,7 @@ impl Assembly {
             counters: state.counters.into(),
             longest_miss_run: state.longest_miss_run,
             machine_failed: self.failed.is_some(),
+            rows_lost: self.rows_lost,
             axes: axes.axis.iter().take(axes.count).enumerate().map(axis).collect(),
             drives: match drives {
                 Some(drives) => Some(drives.states()?.into_iter().map(DriveState::name).collect()),

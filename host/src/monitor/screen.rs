@@ -25,7 +25,9 @@ pub(super) fn screen(monitor: &Monitor) -> String {
     let _ = writeln!(text, "{server}");
     if let Some(snapshot) = monitor.last() {
         let machine = snapshot.machine.as_ref().map_or_else(|| UNKNOWN.to_owned(), ToString::to_string);
-        let _ = writeln!(text, "machine {machine}");
+        let lockstep = snapshot.machine.as_ref().is_some_and(|machine| machine.lockstep);
+        let pace = if lockstep { "   LOCK-STEP: times are those of the machine" } else { "" };
+        let _ = writeln!(text, "machine {machine}{pace}");
         text.push_str(&tick(snapshot));
     }
     for entry in monitor.events().take(EVENTS) {
@@ -51,10 +53,11 @@ fn tick(snapshot: &Snapshot) -> String {
     let mut text = String::new();
     let words = |name: &str| key_of(name).replace('_', " ");
     let failed = if snapshot.machine_failed { "   MACHINE FAILED" } else { "" };
+    let lost = if snapshot.rows_lost { "   ROWS LOST" } else { "" };
     let ramp_s = f64::from(snapshot.ramp_ticks_left) * f64::from(CYCLE_US) * 1e-6;
     let _ = writeln!(
         text,
-        "{:<16}epoch {}   tick {}   on time {}/100   cause of last end: {}   ramp from here {ramp_s:.1} s{failed}",
+        "{:<16}epoch {}   tick {}   on time {}/100   cause of last end: {}   ramp from here {ramp_s:.1} s{failed}{lost}",
         words(snapshot.phase.name()),
         snapshot.epoch,
         grouped(snapshot.tick),

@@ -34,6 +34,8 @@ pub struct Snapshot {
     pub longest_miss_run: i16,
     /// The machine did not answer, and the server has not listened since.
     pub machine_failed: bool,
+    /// Rows of the server's recording, or of its publication, are lost.
+    pub rows_lost: bool,
     /// The axes, axis order.
     pub axes: Vec<Axis>,
     /// States of the drives, axis order: `not_ready`, `ready`, `operating`, `quick_stop`, `fault`.
@@ -58,6 +60,8 @@ pub struct MachineName {
     /// Checksum of its kinematic parameters, in JSON as eight hexadecimal digits.
     #[serde(serialize_with = "hexadecimal")]
     pub kinematics: u32,
+    /// Its server runs in lock-step: ticks are no time of any clock.
+    pub lockstep: bool,
 }
 
 impl fmt::Display for MachineName {

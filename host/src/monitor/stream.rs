@@ -233,6 +233,8 @@ fn take(
             let event: SessionEvent = value.read().map_err(long)?;
             if event.kind == EventKind::MachineFailed.code() {
                 assembly.machine_failed(event.tick);
+            } else if event.kind == EventKind::RowsLost.code() {
+                assembly.rows_lost();
             }
             let text = printable(event.text.as_bytes());
             happened.push(Happened { tick: event.tick, kind: event.kind, code: event.cause, text });
@@ -251,7 +253,7 @@ fn machine_name(value: &Value<'_, '_>) -> Result<MachineName, StreamError> {
     let machine: Machine = value.read().map_err(|_| StreamError::LongText { name: Kind::Machine.name() })?;
     let kinematics =
         u32::try_from(machine.kinematics).map_err(|_| StreamError::OtherType { name: Kind::Machine.name() })?;
-    Ok(MachineName { name: printable(machine.name.as_bytes()), kinematics })
+    Ok(MachineName { name: printable(machine.name.as_bytes()), kinematics, lockstep: machine.lockstep != 0 })
 }
 
 /// Text of a server: bytes that are not UTF-8 are replaced, control characters removed.

@@ -12,6 +12,8 @@ structure! {
         pub kinematics: i64,
         /// Name of its robot file, UTF-8.
         pub name: Text<256>,
+        /// 1 if its server runs in lock-step, so that ticks are no time of any clock; otherwise 0.
+        pub lockstep: u8,
     }
 }
 
@@ -20,9 +22,9 @@ impl Sample for Machine {
 }
 
 impl Machine {
-    /// Returns the identity of a robot file's machine.
+    /// Returns the identity of a robot file's machine, in real time.
     #[must_use]
     pub fn of<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Self {
-        Self { kinematics: i64::from(robot.checksum()), name: Text::cut(&robot.name) }
+        Self { kinematics: i64::from(robot.checksum()), name: Text::cut(&robot.name), lockstep: 0 }
     }
 }

@@ -1,7 +1,7 @@
 //! Samples of the server for programs that speak LabComm `[T 4.2.3]`: a port carries the samples that were agreed on, one of each per tick.
 //!
-//! A reader that connects gets version and definitions first, the sample of the machine, and `session_event` of a failure of the machine that still lasts. What it sends
-//! is not read, and it is dropped if it does not keep up.
+//! A reader that connects gets version and definitions first, the sample of the machine, and `session_event` of rows that were lost and of a
+//! failure of the machine that still lasts. What it sends is not read, and it is dropped if it does not keep up.
 
 mod drives;
 mod machine;
@@ -38,10 +38,12 @@ pub struct Publication {
     /// Resolution of the gauges, m: what one count of `data` means.
     gauge_resolution_m: f64,
     ticks: Ticks,
-    /// Bytes that a new reader gets first: version and definitions, the machine, then the failure of the machine while it lasts.
+    /// Bytes that a new reader gets first: version and definitions, the machine, then what is kept.
     preamble: Vec<u8>,
-    /// Bytes of the preamble that stay: all but the failure.
+    /// Bytes of the preamble that stay: all but what is kept.
     standing: usize,
+    /// Events for readers that come later: the first lost row; the failure of the machine while it lasts.
+    kept: [Option<Event>; 2],
     /// Ticks that were published and not sent.
     batch: Vec<u8>,
 }
@@ -62,7 +64,8 @@ impl Publication {
         preamble.extend_from_slice(ticks.preamble());
         let batch = Vec::with_capacity(BATCH);
         let standing = preamble.len();
-        Ok(Self { readers: Readers::bind(address)?, gauge_resolution_m, ticks, preamble, standing, batch })
+        let readers = Readers::bind(address)?;
+        Ok(Self { readers, gauge_resolution_m, ticks, preamble, standing, kept: [None, None], batch })
     }
 
     /// Says which machine it is, if the port carries that sample.
@@ -113,7 +116,7 @@ impl Publication {
         if self.batch.len() > BATCH - TICK {
             self.flush();
         }
-        self.keep_failure(row, events);
+        self.keep(row, events);
     }
 
     /// Sends the ticks that were published.
@@ -122,13 +125,24 @@ impl Publication {
         self.batch.clear();
     }
 
-    /// Keeps the failure of the machine for readers that come later, until the server listens again.
-    fn keep_failure<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
-        let failure = events.iter().rfind(|event| event.kind == EventKind::MachineFailed);
-        if failure.is_none() && (row.plant_failed || row.state.phase != Phase::Listening) {
+    /// Keeps events for readers that come later: lost rows, and the failure of the machine until the server listens again.
+    fn keep<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
+        let last = |kind| events.iter().rfind(|event| event.kind == kind);
+        let (lost, failure) = (last(EventKind::RowsLost), last(EventKind::MachineFailed));
+        let is_over = self.kept[1].is_some() && !row.plant_failed && row.state.phase == Phase::Listening;
+        if lost.is_none() && failure.is_none() && !is_over {
             return;
         }
+        let [kept_lost, kept_failure] = &mut self.kept;
+        if let Some(lost) = lost {
+            kept_lost.get_or_insert_with(|| lost.clone());
+        }
+        match failure {
+            Some(failure) => *kept_failure = Some(failure.clone()),
+            None if is_over => *kept_failure = None,
+            None => {}
+        }
         self.preamble.truncate(self.standing);
-        self.preamble.extend_from_slice(self.ticks.encode_events(failure));
+        self.preamble.extend_from_slice(self.ticks.encode_events(self.kept.iter().flatten()));
     }
 }

@@ -10,6 +10,8 @@ mod room;
 mod seen;
 mod tally;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -36,6 +38,7 @@ pub struct Recorder<T, const N: usize> {
     queue: rtrb::Producer<(T, Vec<Event>)>,
     thread: JoinHandle<Recording<N>>,
     dropped: u64,
+    has_failed: Arc<AtomicBool>,
 }
 
 impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
@@ -46,16 +49,29 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
     pub fn start(mut recording: Recording<N>) -> Result<Self, RecordError> {
         let path = recording.path().to_owned();
         let (queue, mut rows) = rtrb::RingBuffer::<(T, Vec<Event>)>::new(QUEUE);
+        let has_failed = Arc::new(AtomicBool::new(false));
+        let fails = Arc::clone(&has_failed);
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
                 // But for its file. Without the right to give them up it has none.
                 let _ = crate::privileges::give_up(&[recording.path().to_owned()]);
-                drain(&mut rows, |(row, events), _| recording.write(row, events));
+                drain(&mut rows, |(row, events), _| {
+                    recording.write(row, events);
+                    if recording.has_failed() {
+                        fails.store(true, Ordering::Relaxed);
+                    }
+                });
                 recording
             })
             .map_err(|error| RecordError { path, reason: error.to_string() })?;
-        Ok(Self { queue, thread, dropped: 0 })
+        Ok(Self { queue, thread, dropped: 0, has_failed })
+    }
+
+    /// True once rows are lost: the file has failed, or does not take them in time.
+    #[must_use]
+    pub fn loses_rows(&self) -> bool {
+        self.dropped > 0 || self.has_failed.load(Ordering::Relaxed)
     }
 
     /// Adds a row with what happened in it, or counts it as dropped; the first one is told.
@@ -72,7 +88,7 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
     /// on stderr.
     #[must_use]
     pub fn finish(self, dropped: u64) -> Option<Recorded> {
-        let Self { queue, thread, dropped: here } = self;
+        let Self { queue, thread, dropped: here, .. } = self;
         drop(queue);
         thread.join().ok().map(|recording| recording.finish(here + dropped))
     }

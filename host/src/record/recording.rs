@@ -194,6 +194,11 @@ impl<const N: usize> Recording<N> {
         }
     }
 
+    /// True if the file has failed, so that rows are lost.
+    pub(crate) const fn has_failed(&self) -> bool {
+        self.tally.has_failed()
+    }
+
     fn finish_file(&mut self) -> io::Result<()> {
         self.file.take().map_or(Ok(()), |mut file| file.writer.finish())
     }

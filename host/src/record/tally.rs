@@ -77,6 +77,10 @@ impl Tally {
         self.failure.is_some() || self.full.is_some()
     }
 
+    pub(super) const fn has_failed(&self) -> bool {
+        self.failure.is_some()
+    }
+
     /// Counts a row that is lost.
     pub(super) fn lose(&mut self) {
         self.lost += 1;

@@ -43,6 +43,9 @@ enum Trouble {
 
 /// The drives' side of a machine.
 trait Bench<const N: usize> {
+    /// Resolution of its positions, nm; offsets are exact.
+    const RESOLUTION_NM: u64 = 0;
+
     /// Decides on the coming cycle.
     fn set(&mut self, trouble: Option<Trouble>);
 
@@ -69,13 +72,15 @@ struct Counts {
     quits: u32,
     /// Ticks in which an offset changed by S.
     whole_steps: u32,
+    /// References of drives that were compared with core's.
+    compared: u32,
 }
 
 impl Counts {
     /// Asserts that there was something of everything.
     fn assert_much(&self) {
         let least = [self.troubles / 200, self.failed / 200, self.granted / 10, self.refused / 50, self.quits / 2];
-        assert!(least.iter().all(|count| *count > 0) && self.whole_steps > 200, "{self:?}");
+        assert!(least.iter().all(|count| *count > 0) && self.whole_steps > 200 && self.compared > 10_000, "{self:?}");
     }
 }
 
@@ -223,6 +228,20 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
             }
             self.counts.quits += u32::from(self.quits);
             self.quits = false;
+        }
+        // What the drives have is what core gave out, and nothing else.
+        for drive in after.iter().filter(|_| !row.plant_failed) {
+            let given = row.references[drive.axis];
+            let offsets = Offsets {
+                position: row.state.axes[drive.axis].offsets.position,
+                velocity: given.velocity_offset,
+                torque: given.torque_offset,
+            };
+            let is_rounded = drive.reference_nm.abs_diff(given.position.0) <= B::RESOLUTION_NM;
+            if !is_rounded || drive.offsets != offsets {
+                return Err(format!("core gave out {given:?}, and the drive has {drive:?}"));
+            }
+            self.counts.compared += 1;
         }
         let mut is_whole = false;
         for (before, after) in before.iter().zip(after) {

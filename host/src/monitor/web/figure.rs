@@ -87,7 +87,7 @@ impl<K: MachineKind<N>, const N: usize> Figures for Drawn<K, N> {
     }
 
     fn identity(&self) -> MachineName {
-        MachineName { name: self.0.name().to_owned(), kinematics: self.0.kinematics() }
+        MachineName { name: self.0.name().to_owned(), kinematics: self.0.kinematics(), lockstep: false }
     }
 
     fn machine(&self) -> String {

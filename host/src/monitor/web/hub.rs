@@ -127,10 +127,10 @@ impl Hub {
     }
 }
 
-/// Point of the plot: seconds, phase, offsets in µm.
+/// Point of the plot: seconds, phase, offsets in µm, tick.
 fn point(at: f64, snapshot: &Snapshot) -> String {
     let offsets: Vec<f64> = snapshot.axes.iter().map(|axis| f64::from(axis.offset.position_nm) * 1e-3).collect();
-    json!([at, key_of(snapshot.phase.name()), offsets]).to_string()
+    json!([at, key_of(snapshot.phase.name()), offsets, snapshot.tick]).to_string()
 }
 
 /// Points of the machine as JSON.

@@ -10,15 +10,33 @@ const HINT = "drag: turn · wheel: zoom · double click: reset";
 const AGAIN_MS = 2000;
 let machine = null, picture = null, points = [], pending = false;
 
+// In lock-step ticks have the client's pace, and the machine has its own time: a millisecond per tick.
+const isLockstep = () => Boolean(picture?.status?.machine?.lockstep);
+const time = (point) => (isLockstep() ? point[3] * 1e-3 : point[0]);
+
 function redraw() {
   if (pending) return;
   pending = true;
   requestAnimationFrame(() => {
     pending = false;
     drawMachine(element("machine"), machine, picture && picture.figure, Number(element("factor").value));
-    drawPlot(element("plot"), points);
+    drawPlot(element("plot"), points, time);
     drawForce(element("force"), picture && picture.status && picture.status.force);
   });
+}
+
+// Ticks per millisecond of the clock over the last points, with two digits.
+function pace() {
+  const last = points[points.length - 1], first = points[Math.max(0, points.length - 30)];
+  return last && last[0] > first[0] ? Number(((last[3] - first[3]) * 1e-3 / (last[0] - first[0])).toPrecision(2)) : 1;
+}
+
+function showSigns(status) {
+  const lockstep = element("lockstep"), lost = element("rows_lost");
+  lockstep.hidden = !isLockstep();
+  lost.hidden = !status.rows_lost;
+  if (isLockstep()) show("lockstep", `lock-step · ${pace()} × real time`);
+  show("clock", isLockstep() ? "of the machine's time" : "");
 }
 
 function showStatus(status) {
@@ -78,9 +96,9 @@ function showLink(live, text) {
 }
 
 function keep(point) {
-  if (points.length && (point[0] < points[points.length - 1][0] || point[2].length !== points[0][2].length)) points = [];
+  if (points.length && (time(point) < time(points[points.length - 1]) || point[2].length !== points[0][2].length)) points = [];
   points.push(point);
-  while (points[0][0] < point[0] - SPAN_S) points.shift();
+  while (time(points[0]) < time(point) - SPAN_S) points.shift();
 }
 
 function take(next) {
@@ -90,6 +108,7 @@ function take(next) {
     show("hint", next.figure ? HINT : next.stranger);
     showStatus(next.status);
     keep(next.point);
+    showSigns(next.status);
   }
   // The raw object, for tests and for the curious: equal to what `gantry-tau monitor --status` prints.
   document.body.dataset.tick = next.status ? String(next.status.tick) : "";

@@ -12,12 +12,12 @@ function step(range, most) {
   return [1, 2, 5, 10].map((times) => times * power).find((one) => range / one <= most);
 }
 
-// A point: [seconds, phase, offsets in µm].
-function drawPlot(canvas, points) {
+// A point: [seconds, phase, offsets in µm, tick]. `time` is that of a point, s: of the clock, or of the machine in lock-step.
+function drawPlot(canvas, points, time) {
   const { context, width, height } = fitted(canvas);
   if (points.length < 2) return;
   const area = { left: 58, right: width - 8, top: 6, bottom: height - 24 };
-  const end = points[points.length - 1][0], begin = end - SPAN_S;
+  const end = time(points[points.length - 1]), begin = end - SPAN_S;
   const values = points.flatMap((point) => point[2]);
   let [low, high] = [Math.min(0, ...values), Math.max(0, ...values)];
   if (high - low < 1) [low, high] = [low - 0.5, high + 0.5];
@@ -31,7 +31,7 @@ function drawPlot(canvas, points) {
   for (let i = 1; i <= points.length; i++) {
     if (i === points.length || points[i][1] !== points[since][1]) {
       context.fillStyle = PHASES[points[since][1]] || "#fff";
-      const [a, b] = [x(points[since][0]), x(points[Math.min(i, points.length - 1)][0])];
+      const [a, b] = [x(time(points[since])), x(time(points[Math.min(i, points.length - 1)]))];
       context.fillRect(a, area.top, b - a + 0.5, area.bottom - area.top);
       since = i;
     }
@@ -53,9 +53,9 @@ function drawPlot(canvas, points) {
     context.strokeStyle = AXIS_COLOURS[axis]; context.beginPath();
     let before = null;
     for (const point of points) {
-      // A gap in time is a gap in the line.
-      if (before === null || point[0] - before > 0.5) context.moveTo(x(point[0]), y(point[2][axis]));
-      else context.lineTo(x(point[0]), y(point[2][axis]));
+      // A gap in what was received is a gap in the line.
+      if (before === null || point[0] - before > 0.5) context.moveTo(x(time(point)), y(point[2][axis]));
+      else context.lineTo(x(time(point)), y(point[2][axis]));
       before = point[0];
     }
     context.stroke();

@@ -1,11 +1,13 @@
 //! Log lines for the rows of a server, written outside its cycle, once per event.
 
+mod losses;
 mod strangers;
 
 use gantry_tau_core::control::message::{Cause, Counters, Phase};
 
 use super::cycle::Row;
 use crate::plant::{DriveState, PlantError};
+pub use losses::Losses;
 use strangers::Strangers;
 
 /// Kind of an event.
@@ -21,10 +23,13 @@ pub enum EventKind {
     Phase,
     /// The machine did not answer.
     MachineFailed,
+    /// A recording, or what publishes, has lost its first row.
+    RowsLost,
 }
 
 impl EventKind {
-    const ALL: [Self; 5] = [Self::Granted, Self::Refused, Self::Ended, Self::Phase, Self::MachineFailed];
+    const ALL: [Self; 6] =
+        [Self::Granted, Self::Refused, Self::Ended, Self::Phase, Self::MachineFailed, Self::RowsLost];
 
     /// Code in the sample `session_event`.
     #[must_use]
@@ -35,6 +40,7 @@ impl EventKind {
             Self::Ended => 2,
             Self::Phase => 3,
             Self::MachineFailed => 4,
+            Self::RowsLost => 5,
         }
     }
 
@@ -47,6 +53,7 @@ impl EventKind {
             Self::Ended => "ended",
             Self::Phase => "phase changed",
             Self::MachineFailed => "machine failed",
+            Self::RowsLost => "rows lost",
         }
     }
 
@@ -190,7 +197,7 @@ impl EventLog {
             EventKind::Refused | EventKind::Granted => true,
             EventKind::Ended => !self.has_acted && !matches!(ended, Some(Cause::Stop | Cause::Nominal)),
             EventKind::Phase => !self.has_acted,
-            EventKind::MachineFailed => false,
+            EventKind::MachineFailed | EventKind::RowsLost => false,
         }
     }
 

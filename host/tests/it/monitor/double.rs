@@ -198,7 +198,7 @@ fn begin(scene: &Scene) -> Option<Vec<u8>> {
     encoder.define::<SessionEvent>(index + 3).ok()?;
     encoder.define::<Drives<3>>(index + 4).ok()?;
     let own = Machine::of(&RobotFile::builtin_l2().unwrap());
-    let other = Machine { kinematics: 0x0bad_cafe, name: Text::cut("small.toml") };
+    let other = Machine { kinematics: 0x0bad_cafe, name: Text::cut("small.toml"), lockstep: 0 };
     if scene.machine != Named::None {
         encoder.define::<Machine>(index + 5).ok()?;
         encoder.data(index + 5, if scene.machine == Named::L2 { &own } else { &other }).ok()?;

@@ -1,6 +1,6 @@
 //! `monitor`, against a double of the server's LabComm port.
 
-mod double;
+pub(crate) mod double;
 #[cfg(unix)]
 mod served;
 mod web;
@@ -65,14 +65,14 @@ fn the_status_has_every_number_and_the_exit_status_of_the_phase() {
                 "limited": 12, "clamped": 7, "strangers": 8,
             },
             "longest_miss_run": 1,
-            "machine_failed": false,
+            "machine_failed": false, "rows_lost": false,
             "axes": [axis(1), axis(2), axis(3)],
             "drives": ["operating", "ready", "quick_stop"],
             "force": [300.25, -0.5, -18.0, 0.05, -0.1, 0.02],
             "gauges_m": [0.000_19, 0.000_036, 0.000_024],
             "displacement_m": [1e-4, -5e-5, 2e-5],
             "turn_rad": [1e-5, 2e-5, 0.0],
-            "machine": {"name": own.name, "kinematics": format!("{:08x}", own.checksum())},
+            "machine": {"name": own.name, "kinematics": format!("{:08x}", own.checksum()), "lockstep": false},
         });
         assert_eq!(said, expected);
     }

@@ -120,7 +120,7 @@ fn printed(state: &State<3>, [phase, cause]: [&str; 2]) -> Value {
             "out_of_range": counters.out_of_range, "limited": counters.limited, "clamped": counters.clamped,
             "strangers": counters.non_owner,
         },
-        "longest_miss_run": counters.longest_miss_run, "machine_failed": false,
+        "longest_miss_run": counters.longest_miss_run, "machine_failed": false, "rows_lost": false,
         "axes": state.axes.iter().map(axis).collect::<Vec<_>>(),
     })
 }
@@ -145,7 +145,7 @@ fn without_record(mut line: Value, record: &HashMap<i64, HashMap<String, String>
     assert_eq!(line.remove("drives").unwrap(), json!(drives));
     let machine = line.remove("machine").unwrap();
     let own = RobotFile::builtin_l2().unwrap();
-    assert_eq!(machine, json!({"name": own.name, "kinematics": format!("{:08x}", own.checksum())}));
+    assert_eq!(machine, json!({"name": own.name, "kinematics": format!("{:08x}", own.checksum()), "lockstep": true}));
     let force = line.remove("force").unwrap();
     assert_eq!(json!(row["force_x_n"].parse::<f64>().unwrap()), force[0]);
     for key in ["gauges_m", "displacement_m", "turn_rad"] {

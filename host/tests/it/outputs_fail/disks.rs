@@ -29,12 +29,14 @@ fn in_the_middle_of_a_server() {
     let mut monitor = bench.folder.start("monitor", &["monitor", &bench.at(7003), "--record", "serve.csv"]);
     let owner = bench.paced_client();
     let from = bench.await_an_offset();
+    assert!(!bench.has_lost_rows());
     fill_disks(&server, true);
     bench.await_more(from);
     server.write("stop\n");
     bench.await_that("the end of the ramp", || bench.rows().last().is_some_and(|row| row.1 == [0; 3]));
     monitor.await_words("Fault");
     assert_eq!(code(owner), Some(6));
+    assert!(bench.has_lost_rows(), "a reader that comes later is told");
     fill_disks(&server, false);
     server.await_words("of the log lost: File too large");
     server.interrupt();

@@ -128,6 +128,13 @@ impl Bench {
         });
     }
 
+    /// True if `monitor --status` shows that the server has lost rows.
+    fn has_lost_rows(&self) -> bool {
+        let line = self.folder.run(&["monitor", &self.at(7003), "--status"]).stdout;
+        let line: serde_json::Value = serde_json::from_str(&line).unwrap();
+        line["rows_lost"].as_bool().unwrap()
+    }
+
     fn rows(&self) -> Vec<(String, [i64; 3])> {
         if self.folder.path("serve.csv").exists() { rows(&self.folder) } else { Vec::new() }
     }

@@ -179,8 +179,8 @@ fn of_a_monitor() {
         let bench = Bench::new(&format!("monitor-{name}"));
         let server = bench.healthy_serve();
         let owner = bench.paced_client();
-        let labcomm = bench.at(7003);
-        let forms: [&[&str]; 2] = [&[], &["--status", "--every", "0.05"]];
+        let (labcomm, page) = (bench.at(7003), bench.at(8080));
+        let forms: [&[&str]; 3] = [&[], &["--status", "--every", "0.05"], &["--web", &page]];
         let mut monitors: Vec<(Running, String)> = Vec::new();
         let mut ends = Vec::new();
         for (number, form) in forms.iter().enumerate() {

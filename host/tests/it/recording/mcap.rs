@@ -29,6 +29,16 @@ pub(super) fn samples(bytes: &[u8]) -> Samples {
     samples
 }
 
+/// Metadata about the origin of a recording.
+pub(super) fn origin(bytes: &[u8]) -> serde_json::Map<String, Value> {
+    let records = mcap::read::LinearReader::new(bytes).unwrap();
+    let metadata = records.filter_map(|record| match record.unwrap() {
+        mcap::records::Record::Metadata(metadata) if metadata.name == "gantry-tau" => Some(metadata.metadata),
+        _ => None,
+    });
+    metadata.flatten().map(|(key, value)| (key, value.into())).collect()
+}
+
 /// Checks a value against its schema.
 fn assert_is(value: &Value, schema: &Value) {
     if let Some(types) = schema["type"].as_array() {

@@ -1,9 +1,14 @@
 //! Recordings by monitors of a server that records the same run.
 
+use std::path::Path;
 use std::process::Stdio;
+
+use gantry_tau_core::control::message::{Cause, Phase};
+use serde_json::Value;
 
 use super::compare::{compare, csv_rows};
 use super::{labcomm, mcap};
+use crate::monitor::double::{Double, FIRST_TICK, Scene};
 use crate::process::Folder;
 use crate::publication::ports;
 use crate::signals::{await_obtain, serve_pulling};
@@ -65,6 +70,62 @@ fn a_monitor_records_what_the_server_records() {
             assert!(events.any(|event| event["text"].as_str().unwrap().starts_with(text)), "{text}");
         }
     }
+}
+
+/// Two runs of a server, each in a file of its own with its origin, in which ticks never go back.
+#[test]
+fn a_restart_of_the_server_begins_another_file() {
+    let folder = Folder::new("recording-restart");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let address = double.address;
+    let server = address.to_string();
+    let monitors = ["run.csv", "run.mcap"].map(|file| {
+        let mut monitor = folder.start(file, &["monitor", &server, "--status", "--every", "0.05", "--record", file]);
+        monitor.await_words("connected to");
+        monitor
+    });
+    drop(double);
+    let again = Double::at(address, Scene::of(Phase::Obtain, Cause::None));
+    for mut monitor in monitors {
+        monitor.await_words("the next connection begins another file");
+        monitor.await_that("the second run", |running| running.stdout().contains("\"obtain\""));
+        // One line later its first ticks are behind the line that was seen.
+        let ended = monitor.stop();
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+    drop(again);
+    let tables = ["run.csv", "run-2.csv"].map(|name| {
+        let path = folder.path(name);
+        let ticks: Vec<i64> = csv_ticks(&path);
+        assert!(ticks[0] >= FIRST_TICK && ticks.windows(2).all(|pair| pair[0] < pair[1]), "{name}");
+        let origin = std::fs::read(folder.path(&format!("{name}.json"))).unwrap();
+        let origin: serde_json::Map<_, _> = serde_json::from_slice(&origin).unwrap();
+        (ticks, origin)
+    });
+    let files = ["run.mcap", "run-2.mcap"].map(|name| {
+        let bytes = std::fs::read(folder.path(name)).unwrap();
+        let samples = mcap::samples(&bytes);
+        let ticks: Vec<i64> = samples.of("axes").iter().map(|axes| axes["tick"].as_i64().unwrap()).collect();
+        assert!(ticks[0] >= FIRST_TICK && ticks.windows(2).all(|pair| pair[0] < pair[1]), "{name}");
+        (ticks, mcap::origin(&bytes))
+    });
+    for [(_, first), (_, second)] in [tables, files] {
+        let started =
+            |origin: &serde_json::Map<String, Value>| origin["started_ns"].as_str().unwrap().parse::<u128>().unwrap();
+        assert!(started(&first) < started(&second));
+        for key in ["written_by", "robot", "model", "kinematics_checksum", "host", "tick_ms"] {
+            assert!(first[key].as_str().is_some_and(|text| !text.is_empty()), "{key}: {first:?}");
+            assert_eq!(first[key], second[key], "{key}");
+        }
+    }
+}
+
+/// Ticks of a table, in their order.
+fn csv_ticks(path: &Path) -> Vec<i64> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let column = lines.next().unwrap().split(',').position(|name| name == "tick").unwrap();
+    lines.map(|line| line.split(',').nth(column).unwrap().parse().unwrap()).collect()
 }
 
 #[test]

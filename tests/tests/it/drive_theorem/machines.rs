@@ -159,9 +159,13 @@ mod ethercat {
         motors: MotorMap<N, M>,
         /// Positions of the drives on a standing path, counts, if they know but the sum of nominal reference and offset.
         start: Option<Vec<i64>>,
+        /// 1, or -1 for a drive that counts against its axis.
+        signs: Vec<i8>,
     }
 
     impl<const N: usize, const M: usize> Bench<N> for OnTheBus<N, M> {
+        const RESOLUTION_NM: u64 = COUNT_NM.unsigned_abs();
+
         fn set(&mut self, trouble: Option<Trouble>) {
             let count = |kind| u32::from(trouble == Some(kind));
             let (lost_out, lost_back) = (count(Trouble::Write), count(Trouble::Read));
@@ -176,15 +180,16 @@ mod ethercat {
                     [0x607A, 0x60B0, 0x60B1, 0x60B2].map(|object| drive.object(object, 0));
                 let (target, own) = (i64::from(target), i64::from(own));
                 let nominal = self.start.as_ref().map_or(target, |start| start[motor]);
-                let offset = target + own - nominal;
+                let sign = self.signs[motor];
+                let nm = |counts: i64| COUNT_NM * counts * i64::from(sign);
                 AtDrive {
                     axis: *axis,
-                    reference_nm: COUNT_NM * (target + own),
-                    nominal_nm: COUNT_NM * nominal,
+                    reference_nm: nm(target + own),
+                    nominal_nm: nm(nominal),
                     offsets: Offsets {
-                        position: OffsetNm(i32::try_from(COUNT_NM * offset).unwrap()),
-                        velocity: VelocityUmS(velocity),
-                        torque: TorquePermille(i16::try_from(torque).unwrap()),
+                        position: OffsetNm(i32::try_from(nm(target + own - nominal)).unwrap()),
+                        velocity: VelocityUmS(velocity * i32::from(sign)),
+                        torque: TorquePermille(i16::try_from(torque).unwrap() * i16::from(sign)),
                     },
                 }
             };
@@ -203,7 +208,8 @@ mod ethercat {
         let motors = robot.motor_map().unwrap();
         let positions = || bus.bench().chain.drives().map(|drive| drive.motor().position).collect();
         let start = (!knows_offset).then(positions);
-        let bench = OnTheBus { bus: bus.clone(), motors, start };
+        let signs = section.drives.iter().map(|drive| drive.sign).collect();
+        let bench = OnTheBus { bus: bus.clone(), motors, start, signs };
         let config = robot.session_config(Capabilities::NONE).unwrap();
         Run::new(config, motors, plant, bench, SEED).ticks(TICKS).unwrap().assert_much();
     }

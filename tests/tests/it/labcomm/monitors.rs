@@ -120,6 +120,7 @@ fn snapshot(before: &Row<ARMS>, row: &Row<ARMS>) -> Snapshot {
         counters,
         longest_miss_run: i16::try_from(state.counters.longest_miss_run).unwrap(),
         machine_failed: false,
+        rows_lost: false,
         axes: axes.collect(),
         drives: row.drives.map(|drives| drives.map(DriveState::name).to_vec()),
         force: Some(tool.load),

@@ -44,6 +44,30 @@ fn robot(drives: &str) -> RobotFile<L2, N> {
     *robot
 }
 
+/// How positions are reported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Misread {
+    #[default]
+    Rightly,
+    /// That of one axis is off by more than its window.
+    Wrong,
+    /// Those of two axes in each other's place.
+    Swapped,
+    /// Those of the start.
+    Stale,
+}
+
+impl Misread {
+    fn report(self, [first, second, third]: [i64; N], start: [i64; N]) -> [i64; N] {
+        match self {
+            Self::Rightly => [first, second, third],
+            Self::Wrong => [first, second + 2_100_000, third],
+            Self::Swapped => [third, second, first],
+            Self::Stale => start,
+        }
+    }
+}
+
 /// The machine behind a bus that can be lost: nothing gets through then, and the drives go on by themselves.
 #[derive(Clone)]
 struct Bus {
@@ -52,8 +76,11 @@ struct Bus {
     /// Writes alone, or readings alone, do not get through.
     refuses: Arc<AtomicBool>,
     is_deaf: Arc<AtomicBool>,
-    /// Positions are reported wrongly.
-    is_misread: Arc<AtomicBool>,
+    /// Positions in force, and actual ones, are reported wrongly.
+    in_force_misread: Arc<Mutex<Misread>>,
+    actual_misread: Arc<Mutex<Misread>>,
+    /// Positions at the start, nm.
+    start_nm: [i64; N],
     /// Velocities in force at the drives, µm/s.
     in_force: Arc<Mutex<[i32; N]>>,
 }
@@ -74,16 +101,20 @@ impl Plant<N, L2_MOTORS> for Bus {
     fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
         self.checked(&self.is_deaf)?;
         let mut in_force = self.machine().in_force()?;
-        if self.is_misread.load(Ordering::Relaxed) {
-            in_force[1].nominal.0 += 2_100_000;
-        }
+        let misread = *self.in_force_misread.lock().unwrap();
+        let nm = misread.report(in_force.map(|axis| axis.nominal.0), self.start_nm);
+        in_force.iter_mut().zip(nm).for_each(|(axis, nm)| axis.nominal.0 = nm);
         Ok(in_force)
     }
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
         let reading = self.machine().read(elapsed);
         self.checked(&self.is_deaf)?;
-        reading
+        let mut reading = reading?;
+        let misread = *self.actual_misread.lock().unwrap();
+        let nm = misread.report(reading.actual.map(|axis| axis.position.0), self.start_nm);
+        reading.actual.iter_mut().zip(nm).for_each(|(axis, nm)| axis.position.0 = nm);
+        Ok(reading)
     }
 
     fn write(&mut self, references: &[Reference; L2_MOTORS], parts: &[InForce; N]) -> Result<(), PlantError> {
@@ -139,13 +170,16 @@ impl Server {
             dwell_cycles: 100,
         };
         let motion = if way_m == 0.0 { Motion::Hold } else { motion };
-        let machine = robot.simulated_machine(tool, motion).unwrap();
+        let mut machine = robot.simulated_machine(tool, motion).unwrap();
+        let start_nm = machine.in_force().unwrap().map(|axis| axis.nominal.0);
         let bus = Bus {
             machine: Arc::new(Mutex::new(machine)),
             is_lost: Arc::default(),
             refuses: Arc::default(),
             is_deaf: Arc::default(),
-            is_misread: Arc::default(),
+            in_force_misread: Arc::default(),
+            actual_misread: Arc::default(),
+            start_nm,
             in_force: Arc::default(),
         };
         let config = robot.session_config(Capabilities::NONE).unwrap();

@@ -271,20 +271,44 @@ fn the_black_box_of_a_stop_replays() {
 /// A reference that is not where its axis is: the loops do not take it up, and say so.
 #[test]
 fn a_rearm_away_from_the_axis_moves_nothing_and_names_the_reason() {
-    let mut server = Server::moving();
-    server.at_full_speed();
-    server.step(Demands { stop: true, rearm: false, ..Demands::default() });
-    until_rest(&mut server, Demands::default());
-    server.bus.is_misread.store(true, Ordering::Relaxed);
-    let stands_m = server.positions_m();
-    for _ in 0..500 {
-        let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
-        assert_eq!(row.state.phase, Phase::Fault);
+    for misread in [Misread::Wrong, Misread::Swapped, Misread::Stale] {
+        for of_actual in [false, true] {
+            let mut server = Server::moving();
+            server.at_full_speed();
+            server.step(Demands { stop: true, rearm: false, ..Demands::default() });
+            until_rest(&mut server, Demands::default());
+            let place = if of_actual { &server.bus.actual_misread } else { &server.bus.in_force_misread };
+            let place = Arc::clone(place);
+            *place.lock().unwrap() = misread;
+            let stands_m = server.positions_m();
+            for _ in 0..500 {
+                let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
+                assert_eq!(row.state.phase, Phase::Fault, "{misread:?}, {of_actual}");
+            }
+            let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
+            let said = row.failure.unwrap().to_string();
+            assert!(said.contains("further from its reference than its window"), "{misread:?}, {of_actual}: {said}");
+            assert!(farthest_mm(&stands_m, &server.positions_m()) < 0.001);
+            *place.lock().unwrap() = Misread::Rightly;
+            rearm(&mut server);
+            assert!(goes_on(&mut server) > 100.0);
+        }
     }
-    let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
-    assert!(row.failure.unwrap().to_string().contains("further from its reference than its window"), "{row:?}");
-    assert!(farthest_mm(&stands_m, &server.positions_m()) < 0.001);
-    server.bus.is_misread.store(false, Ordering::Relaxed);
-    rearm(&mut server);
-    assert!(goes_on(&mut server) > 100.0);
+}
+
+/// The loops begin by themselves where the axes stand, and nowhere else.
+#[test]
+fn a_start_away_from_the_axis_moves_nothing_until_it_is_rearmed() {
+    // Nothing has moved yet, so that no position is stale.
+    for misread in [Misread::Wrong, Misread::Swapped] {
+        let mut server = Server::moving();
+        *server.bus.actual_misread.lock().unwrap() = misread;
+        let stands_m = server.positions_m();
+        let rows: Vec<_> = (0..500).map(|_| server.tick()).collect();
+        assert!(rows.iter().skip(2).all(|row| row.state.phase == Phase::Fault), "{misread:?}: {:?}", rows[2]);
+        assert!(farthest_mm(&stands_m, &server.positions_m()) < 0.001, "{misread:?}");
+        *server.bus.actual_misread.lock().unwrap() = Misread::Rightly;
+        rearm(&mut server);
+        assert!(goes_on(&mut server) > 100.0);
+    }
 }

@@ -1,6 +1,7 @@
-//! A recording as MCAP, read back by the official reader in Python: the package `mcap` of PyPI.
+//! Recordings as MCAP, read back by the official reader in Python, their messages validated against their schemas: the packages `mcap` and
+//! `jsonschema` of PyPI.
 //!
-//! Its Python is that of `target/mcap-reader`, where `.ci/run` installs it, or else `python3`. A trial without the package is reported as
+//! Their Python is that of `target/mcap-reader`, where `.ci/run` installs them, or else `python3`. A trial without the packages is reported as
 //! ignored; with `GANTRY_TAU_REQUIRE_MCAP=1` it fails instead.
 #![allow(
     clippy::arithmetic_side_effects,
@@ -20,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use gantry_tau::model::L2_MOTORS;
-use gantry_tau::record::RecordTo;
+use gantry_tau::record::{RecordTo, recover};
 use gantry_tau::robot_file::RobotFile;
 use libtest_mimic::Trial;
 use serde_json::Value;
@@ -30,7 +31,7 @@ use compare::{Samples, compare, csv_rows};
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let name = "mcap::the_official_reader_reads_what_the_table_has";
-    let kind = "mcap of PyPI missing";
+    let kind = "mcap or jsonschema of PyPI missing";
     let Some(python) = python() else {
         if std::env::var_os("GANTRY_TAU_REQUIRE_MCAP").is_some_and(|value| value == "1") {
             return vec![Trial::test(name, move || Err(kind.into())).with_kind(kind)];
@@ -44,12 +45,12 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![Trial::test(name, run)]
 }
 
-/// A Python that has the reader.
+/// A Python that has the packages.
 fn python() -> Option<PathBuf> {
     let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/mcap-reader/bin/python3");
     [installed, PathBuf::from("python3")].into_iter().find(|python| {
         let mut import = Command::new(python);
-        import.args(["-c", "import mcap.reader"]).stdout(Stdio::null()).stderr(Stdio::null());
+        import.args(["-c", "import mcap.reader, jsonschema"]).stdout(Stdio::null()).stderr(Stdio::null());
         import.status().is_ok_and(|status| status.success())
     })
 }
@@ -88,6 +89,14 @@ fn check(python: &Path) {
     compare(&server, &csv_rows(&path("server.csv")), 3);
     assert_eq!(server.of("session_event").len(), events.len());
     assert_eq!(server.of("scene").len(), rows.len().div_ceil(33));
-    assert!(read("client.mcap").of("axes").len() > 400);
+    let client = read("client.mcap");
+    assert!(client.of("axes").len() > 400);
+    // Killed in the middle of a chunk, it has no summary; what is recovered has one, and is a part of it.
+    let whole = std::fs::read(path("client.mcap")).unwrap();
+    std::fs::write(path("killed.mcap"), &whole[..whole.len() / 2]).unwrap();
+    let recovered = recover(&path("killed.mcap")).unwrap();
+    let saved = read(recovered.path.file_name().unwrap().to_str().unwrap());
+    let (saved, all) = (saved.of("axes"), client.of("axes"));
+    assert!(saved.len() > all.len() / 4 && saved == &all[..saved.len()], "{} of {}", saved.len(), all.len());
     std::fs::remove_dir_all(&folder).unwrap();
 }

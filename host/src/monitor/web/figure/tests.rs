@@ -25,6 +25,7 @@ fn snapshot(nominal_nm: &[i64], offset_nm: i32) -> Snapshot {
         counters: Counters::from([0; 10]),
         longest_miss_run: 0,
         machine_failed: false,
+        rows_lost: false,
         axes: nominal_nm.iter().map(axis).collect(),
         drives: None,
         force: None,
