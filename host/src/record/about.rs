@@ -127,4 +127,20 @@ mod tests {
             assert_eq!(rfc_3339(seconds), expected);
         }
     }
+
+    /// Against days that are counted one after the other.
+    #[test]
+    fn dates_are_those_of_a_calendar_that_is_torn_off() {
+        let mut day = 0;
+        for year in 1970..=2400 {
+            let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+            let lengths = [31, if is_leap { 29 } else { 28 }, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+            for (month, length) in (1..).zip(lengths) {
+                for of_month in 1..=length {
+                    assert_eq!(date(day), (year, month, of_month));
+                    day += 1;
+                }
+            }
+        }
+    }
 }

@@ -160,13 +160,12 @@ impl<const N: usize> Record for ClientRow<N> {
 #[cfg(test)]
 mod tests {
     use gantry_tau_core::control::message::{Cause, Counters, Phase};
-    use gantry_tau_core::units::{Epoch, Sequence, Tick};
+    use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
 
     use super::*;
 
-    #[test]
-    fn every_saturated_axis_has_its_bit() {
-        let state = State {
+    fn state(axes: [AxisState; 3]) -> State<3> {
+        State {
             tick: Tick(7),
             epoch: Epoch(1),
             accepted: Sequence(1),
@@ -176,8 +175,53 @@ mod tests {
             arrival_us: 0,
             ramp_ticks_left: 0,
             counters: Counters::default(),
-            axes: [AxisState::default(); 3],
-        };
+            axes,
+        }
+    }
+
+    #[test]
+    fn every_column_of_a_client_has_its_value() {
+        let mut axes = [AxisState::default(); 3];
+        for (axis, nm) in axes.iter_mut().zip([1_000, -2_000, 3_000]) {
+            axis.nominal = PositionNm(nm);
+            axis.offsets.position = OffsetNm(i32::try_from(nm / 100).unwrap());
+        }
+        let targets = [OffsetNm(-31), OffsetNm(32), OffsetNm(-33)];
+        let load = [41.0, -42.5, 43.0, 0.5, -0.25, 0.125];
+        let row = ClientRow { state: state(axes), targets, saturated: [false, true, false], load };
+        let header = ClientRow::<3>::header();
+        let expected = [
+            ("tick", "7"),
+            ("reference_1_nm", "1010"),
+            ("reference_2_nm", "-2020"),
+            ("reference_3_nm", "3030"),
+            ("target_1_nm", "-31"),
+            ("target_2_nm", "32"),
+            ("target_3_nm", "-33"),
+            ("force_x_n", "41"),
+            ("force_y_n", "-42.5"),
+            ("force_z_n", "43"),
+            ("moment_x_n_m", "0.5"),
+            ("moment_y_n_m", "-0.25"),
+            ("moment_z_n_m", "0.125"),
+            ("saturated_axes", "2"),
+        ];
+        let fields = row.fields();
+        for (column, value) in expected {
+            let place = header.iter().position(|name| name == column).unwrap_or_else(|| panic!("{column}: {header:?}"));
+            assert_eq!(fields[place], value, "{column}");
+        }
+        // Of its tool a client knows the load alone.
+        let tool = row.samples().tool.unwrap();
+        assert_eq!((tool.tick, tool.load), (7, load));
+        for unknown in [tool.displacement_m, tool.turn_rad, tool.gauges_m] {
+            assert!(unknown.iter().all(|value| value.is_nan()), "{tool:?}");
+        }
+    }
+
+    #[test]
+    fn every_saturated_axis_has_its_bit() {
+        let state = state([AxisState::default(); 3]);
         let header = ClientRow::<3>::header();
         for (saturated, bits) in [([false; 3], "0"), ([true, false, false], "1"), ([true, false, true], "5")] {
             let row = ClientRow { state, targets: [OffsetNm(0); 3], saturated, load: [0.0; 6] };

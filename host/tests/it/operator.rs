@@ -79,6 +79,41 @@ fn the_operator_switches_submit_obtain_and_gain_without_a_jump() {
     }
 }
 
+/// A load beyond what the offsets may compensate: cut at the limit, told once, counted and recorded.
+#[test]
+fn a_correction_that_is_cut_is_told_and_counted() {
+    let folder = Folder::new("operator-cut");
+    let l2 = include_str!("../../../robots/l2.toml");
+    folder.write("narrow.toml", &l2.replacen("max_um = [2000.0, 2000.0, 2000.0]", "max_um = [34.0, 34.0, 34.0]", 1));
+    let robot = ["--robot", "narrow.toml"];
+    let further = [["--record", "serve.csv"].as_slice(), &robot].concat();
+    let (mut server, addresses) = serve_pulling(&folder, ["60", "0.3"], &further);
+    let mut client = operated(&folder, &addresses, &[["--record", "client.csv"].as_slice(), &robot].concat());
+    await_obtain(&mut server, 1);
+    client.await_words("the correction is cut at the limit of the offset");
+    await_rows(&folder, &mut server, 1_500);
+    client.write("quit\n");
+    let ended = client.end();
+    assert_eq!(ended.stderr.matches("the correction is cut").count(), 1, "{}", ended.stderr);
+    let said = ended.success();
+    server.await_words("SafeDisconnect -> Listening");
+    server.stop().success();
+    let number = |before: &str| -> usize {
+        let rest = said.split_once(before).unwrap().1;
+        rest[..rest.find(' ').unwrap()].parse().unwrap()
+    };
+    let csv = folder.read("client.csv");
+    let cut = csv.lines().skip(1).filter(|line| !line.ends_with(",0")).count();
+    assert!(cut > 300, "{cut}");
+    assert_eq!(number("of their own, "), cut, "{said}");
+    // Every State of the session, and the one that acknowledges the Goodbye.
+    let told =
+        rows(&folder).iter().filter(|(state, _)| ["Handshake", "Submit", "Obtain"].contains(&state.as_str())).count();
+    assert_eq!(number("left with Goodbye after "), told + 1, "{said}");
+    // 60 N ask for (-38, -48, -30) um: more on two axes, bits 0 and 1.
+    assert!(csv.lines().any(|line| line.ends_with(",3")), "{:?}", csv.lines().last());
+}
+
 #[test]
 fn the_end_of_the_input_is_no_quit() {
     let folder = Folder::new("operator-gone");

@@ -252,3 +252,6 @@ impl EventLog {
         self.counters = *now;
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -308,6 +308,7 @@ fn a_page_for_other_machines_needs_their_names() {
     let folder = Folder::new("monitor_page_allow");
     let said = folder.run(&["monitor", "--web", "0.0.0.0:0"]).failure(1);
     assert!(said.contains("--allow"), "{said}");
+    folder.run(&["monitor", "--web", "0.0.0.0:0", "--allow", "127.0.0.1", "--quit-after", "0.05"]).success();
     let said = folder.run(&["monitor", "--web", "127.0.0.1:0", "--allow", "here"]).failure(1);
     assert!(said.contains("\"here\""), "{said}");
     let double = Double::of(Scene::of(Phase::Submit, Cause::None));

@@ -1,7 +1,7 @@
 //! Every command times every standard stream times every way to fail.
 
 use std::fs::File;
-use std::io::Write;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::process::{Command, Stdio};
@@ -209,6 +209,50 @@ fn of_a_monitor() {
         owner.stop().success();
         server.stop().success();
     });
+}
+
+/// Without a recording nobody wants a monitor whose reader has ended.
+#[test]
+fn of_a_monitor_alone_end_it() {
+    for form in [[].as_slice(), &["--status", "--every", "0.05"]] {
+        let bench = Bench::new(&format!("monitor-alone-{}", form.len()));
+        let server = bench.healthy_serve();
+        let (ours, theirs) = UnixStream::pair().unwrap();
+        let streams = Streams { output: Some(OwnedFd::from(theirs).into()), ..Streams::default() };
+        let labcomm = bench.at(7003);
+        let monitor = bench.folder.start_by(
+            &mut binary(),
+            "monitor",
+            &[["monitor", &labcomm].as_slice(), form].concat(),
+            streams,
+        );
+        let mut line = String::new();
+        BufReader::new(ours).read_line(&mut line).unwrap();
+        assert!(!line.is_empty());
+        assert_eq!(code(monitor), Some(0), "{}", bench.said());
+        server.stop().success();
+    }
+}
+
+/// On a terminal each screen is written over the last one; into a pipe they follow each other.
+#[test]
+fn of_a_monitor_are_a_screen_on_a_terminal() {
+    let bench = Bench::new("monitor-screen");
+    let server = bench.healthy_serve();
+    let labcomm = bench.at(7003);
+    let (user, program) = terminal();
+    let streams = Streams { output: Some(program.into()), ..Streams::default() };
+    let monitor = bench.folder.start_by(&mut binary(), "monitor", &["monitor", &labcomm], streams);
+    let (mut text, mut bytes, mut screen) = (String::new(), [0; 4_096], File::from(user));
+    while text.matches("\x1b[H").count() < 3 {
+        let count = screen.read(&mut bytes).unwrap();
+        text.push_str(&String::from_utf8_lossy(&bytes[..count]));
+    }
+    assert!(text.starts_with("\x1b[2J\x1b[H"), "{text:?}");
+    // Its end of the line adds one of its own.
+    assert!(text.contains("\x1b[K\r\r\n"), "{text:?}");
+    monitor.stop().success();
+    server.stop().success();
 }
 
 #[test]

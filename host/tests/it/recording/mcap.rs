@@ -78,6 +78,12 @@ fn point(value: &Value) -> [f64; 3] {
     ["x", "y", "z"].map(|axis| value[axis].as_f64().unwrap())
 }
 
+/// Way from one point to another.
+fn way(from: &Value, to: &Value) -> [f64; 3] {
+    let (from, to) = (point(from), point(to));
+    [0, 1, 2].map(|axis| to[axis] - from[axis])
+}
+
 fn distance(a: &Value, b: &Value) -> f64 {
     let (a, b) = (point(a), point(b));
     (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
@@ -85,7 +91,7 @@ fn distance(a: &Value, b: &Value) -> f64 {
 
 /// The lines of a picture from cart to platform are as long as the links of the robot file, and the boxes of the displaced carts are away
 /// by the offsets in force, magnified.
-fn check_scene<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, update: &Value, axes: &Value) {
+fn check_scene<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, update: &Value, axes: &Value, tool: &Value) {
     let (machine, displaced) = (&update["entities"][0], &update["entities"][1]);
     assert_eq!((&machine["id"], &displaced["id"]), (&Value::from("machine"), &Value::from("displaced")));
     assert_eq!(displaced["metadata"][0]["value"], "1000");
@@ -104,10 +110,22 @@ fn check_scene<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, updat
         assert!((drawn - length).abs() < 5e-6, "{drawn} {length}");
     }
     let centre = |entity: &Value, arm: usize| entity["cubes"][arm]["pose"]["position"].clone();
-    for arm in 0..3 {
-        let way = distance(&centre(machine, arm), &centre(displaced, arm));
+    // Ends of the guideways, arm by arm.
+    let rails = lines[0]["points"].as_array().unwrap();
+    for (arm, rail) in rails.chunks(2).take(3).enumerate() {
+        let moved = way(&centre(machine, arm), &centre(displaced, arm));
+        let (rail, length) = (way(&rail[0], &rail[1]), distance(&rail[0], &rail[1]));
         let offset = axes["axis"][arm]["position_offset_nm"].as_f64().unwrap();
-        assert!((way - offset.abs() * 1e-6).abs() < 5e-6, "{way} {offset}");
+        for (moved, along) in moved.iter().zip(rail) {
+            assert!((moved - offset * 1e-6 * along / length).abs() < 5e-6, "{moved} {offset} {along}");
+        }
+    }
+    // The tool by its displacement.
+    let place = |entity: &Value| entity["spheres"].as_array().unwrap().last().unwrap()["pose"]["position"].clone();
+    for (moved, metres) in
+        way(&place(machine), &place(displaced)).iter().zip(tool["displacement_m"].as_array().unwrap())
+    {
+        assert!((moved - 1_000.0 * metres.as_f64().unwrap()).abs() < 5e-6, "{moved} {metres}");
     }
 }
 
@@ -119,16 +137,21 @@ fn check<K: MachineKind<N>, const N: usize, const M: usize>(name: &str, robot: &
     let bytes = std::fs::read(folder.path("server.mcap")).unwrap();
     let server = samples(&bytes);
     compare(&server, &csv_rows(&folder.path("server.csv")), N);
-    let told: Vec<&str> = server.of("session_event").iter().map(|event| event["text"].as_str().unwrap()).collect();
-    assert_eq!(told, events.iter().map(|event| event.text.as_str()).collect::<Vec<_>>());
+    let codes = |event: &Value| ["kind", "cause"].map(|name| u8::try_from(event[name].as_u64().unwrap()).unwrap());
+    let told: Vec<_> =
+        server.of("session_event").iter().map(|event| (codes(event), event["text"].as_str().unwrap())).collect();
+    let of = |event: &gantry_tau::server::event_log::Event| [event.kind.code(), event.code];
+    assert_eq!(told, events.iter().map(|event| (of(event), event.text.as_str())).collect::<Vec<_>>());
+    assert!(events.iter().any(|event| event.code > 1), "{events:?}");
 
     let scenes = server.of("scene");
     assert_eq!(scenes.len(), rows.len().div_ceil(33));
-    for (update, axes) in scenes.iter().zip(server.of("axes").iter().step_by(33)) {
+    let of_scene = server.of("axes").iter().zip(server.of("tool")).step_by(33);
+    for (update, (axes, tool)) in scenes.iter().zip(of_scene) {
         let time = &update["entities"][0]["timestamp"];
         let tick = time["sec"].as_u64().unwrap() * 1_000 + time["nsec"].as_u64().unwrap() / 1_000_000;
         assert_eq!(axes["tick"], tick);
-        check_scene(robot, update, axes);
+        check_scene(robot, update, axes, tool);
     }
 
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
@@ -136,6 +159,10 @@ fn check<K: MachineKind<N>, const N: usize, const M: usize>(name: &str, robot: &
     assert_eq!(usize::try_from(stats.message_count).unwrap(), 4 * rows.len() + events.len() + scenes.len());
     assert_eq!((usize::try_from(stats.chunk_count).unwrap(), stats.channel_count), (summary.chunk_indexes.len(), 6));
     assert!(bytes.len() < 1_000_000 || stats.chunk_count > 1, "one chunk of {} bytes", bytes.len());
+    // One a second, or 1 MiB.
+    let most = 2 + rows.len() / 1_000 + bytes.len() / (1 << 20);
+    assert!(usize::try_from(stats.chunk_count).unwrap() <= most, "{} chunks, {most}", stats.chunk_count);
+    assert_eq!((stats.metadata_count, summary.metadata_indexes.len()), (1, 1));
 
     // A client knows of its tool the load alone.
     let client = samples(&std::fs::read(folder.path("client.mcap")).unwrap());

@@ -1,0 +1,198 @@
+//! Lines of the log, from rows that were made.
+
+use std::io::Write;
+use std::sync::{Arc, Mutex};
+
+use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::message::{AxisState, State};
+use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use tracing_subscriber::fmt::MakeWriter;
+
+use super::*;
+
+/// Lines that were logged.
+#[derive(Clone, Default)]
+struct Lines(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Lines {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl MakeWriter<'_> for Lines {
+    type Writer = Self;
+
+    fn make_writer(&self) -> Self {
+        self.clone()
+    }
+}
+
+/// A log, and the rows that it saw.
+struct Server {
+    log: EventLog,
+    row: Row<1>,
+    lines: Lines,
+}
+
+impl Server {
+    fn new() -> Self {
+        let state = State {
+            tick: Tick(0),
+            epoch: Epoch(0),
+            accepted: Sequence(0),
+            phase: Phase::Listening,
+            cause: Cause::None,
+            on_time_of_100: 100,
+            arrival_us: 0,
+            ramp_ticks_left: 0,
+            counters: Counters::default(),
+            axes: [AxisState::default()],
+        };
+        let row = Row {
+            state,
+            references: [Reference {
+                position: PositionNm(0),
+                velocity_offset: VelocityUmS(0),
+                torque_offset: TorquePermille(0),
+            }],
+            tool: None,
+            ended: None,
+            welcomed: false,
+            refused: 0,
+            elapsed: 1,
+            round_trip_us: None,
+            plant_failed: false,
+            failure: None,
+            drives: None,
+            latched: false,
+            latch_lost: false,
+        };
+        Self { log: EventLog::default(), row, lines: Lines::default() }
+    }
+
+    /// Shows the log a tick, changed for this tick alone by `once`.
+    fn tick(&mut self, once: impl FnOnce(&mut Row<1>)) -> Vec<Event> {
+        self.row.state.tick.0 += 1;
+        let mut row = self.row;
+        once(&mut row);
+        let subscriber =
+            tracing_subscriber::fmt().with_ansi(false).without_time().with_writer(self.lines.clone()).finish();
+        tracing::subscriber::with_default(subscriber, || self.log.see(&row))
+    }
+
+    /// Takes the lines so far, without their levels' padding and targets.
+    fn said(&mut self) -> Vec<String> {
+        let text = String::from_utf8(std::mem::take(&mut *self.lines.0.lock().unwrap())).unwrap();
+        let line = |line: &str| {
+            let (level, rest) = line.trim().split_once(' ').unwrap();
+            format!("{level} {}", rest.rsplit_once(": tick ").unwrap().1)
+        };
+        text.lines().map(line).collect()
+    }
+
+    fn phase(&mut self, phase: Phase) {
+        self.row.state.phase = phase;
+        self.tick(|_| {});
+    }
+}
+
+#[test]
+fn a_failure_that_comes_again_is_told_once_and_counted_until_the_rearm() {
+    let mut server = Server::new();
+    let fails = |reason: &'static str| {
+        move |row: &mut Row<1>| {
+            row.plant_failed = true;
+            row.failure = Some(PlantError { operation: "be read", reason });
+        }
+    };
+    server.phase(Phase::Fault);
+    server.said();
+    for reason in ["the bus is lost", "the bus is lost", "a drive is in fault", "the bus is lost", "the bus is lost"] {
+        server.tick(fails(reason));
+        // Over two ticks it is one failure.
+        server.tick(fails(reason));
+        server.tick(|_| {});
+    }
+    let said = server.said();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].starts_with("ERROR 2: ") && said[0].contains("the bus is lost"), "{said:?}");
+    assert!(said[1].starts_with("ERROR 8: ") && said[1].contains("a drive is in fault"), "{said:?}");
+    server.phase(Phase::Listening);
+    let said = server.said();
+    assert_eq!(said, ["INFO 17: Fault -> Listening", "INFO 17: the machine failed 3 more times until the re-arm"]);
+    // After it the same reason is news.
+    server.phase(Phase::Fault);
+    server.tick(fails("the bus is lost"));
+    assert_eq!(server.said().len(), 2);
+    server.tick(|_| {});
+    server.phase(Phase::Listening);
+    assert_eq!(server.said(), ["INFO 21: Fault -> Listening"]);
+}
+
+#[test]
+fn a_latch_that_cannot_be_written_is_told_once_each_time() {
+    let mut server = Server::new();
+    for loses in [false, true, true, false, true] {
+        server.tick(|row| row.latch_lost = loses);
+    }
+    let ticks: Vec<String> = server.said().iter().map(|line| line.split(':').next().unwrap().to_owned()).collect();
+    assert_eq!(ticks, ["ERROR 2", "ERROR 5"]);
+}
+
+#[test]
+fn an_end_that_nobody_asked_for_is_a_warning() {
+    for (cause, level) in [
+        (Cause::Goodbye, "INFO"),
+        (Cause::Stop, "INFO"),
+        (Cause::Closed, "WARN"),
+        (Cause::ClientLate, "WARN"),
+        (Cause::Nominal, "WARN"),
+    ] {
+        let mut server = Server::new();
+        for phase in [Phase::Handshake, Phase::Submit, Phase::Obtain] {
+            server.phase(phase);
+        }
+        server.said();
+        let events = server.tick(|row| row.ended = Some(cause));
+        assert_eq!((events.len(), events[0].kind, events[0].code), (1, EventKind::Ended, cause.code()));
+        let said = server.said();
+        assert!(said[0].starts_with(&format!("{level} 4: session ended (epoch 0): {cause}; ")), "{said:?}");
+    }
+}
+
+#[test]
+fn each_counter_is_explained_once_in_a_session() {
+    type Count = fn(&mut Counters) -> &mut u32;
+    let counters: [(Count, &str); 8] = [
+        (|c| &mut c.missed, "no fresh valid command before a deadline"),
+        (|c| &mut c.late, "a command came late"),
+        (|c| &mut c.duplicate, "a command came twice"),
+        (|c| &mut c.stale, "a frame of another epoch"),
+        (|c| &mut c.malformed, "a frame with bad content"),
+        (|c| &mut c.out_of_range, "a target beyond its limit"),
+        (|c| &mut c.clamped, "a reference was clamped"),
+        (|c| &mut c.non_owner, "frames from a connection that does not own"),
+    ];
+    for (count, text) in counters {
+        let mut server = Server::new();
+        server.phase(Phase::Submit);
+        for _ in 0..2 {
+            server.said();
+            for number in [0, 1, 2, 2, 3] {
+                *count(&mut server.row.state.counters) = number;
+                server.tick(|_| {});
+            }
+            let said = server.said();
+            assert_eq!(said.len(), 1, "{said:?}");
+            assert!(said[0].contains(text), "{said:?}");
+            // Another session.
+            server.row.state.counters = Counters::default();
+            server.tick(|row| row.welcomed = true);
+        }
+    }
+}
