@@ -164,3 +164,49 @@ fn has_gone(stream: &mut TcpStream) -> bool {
         Err(error) => !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PATIENCE: Duration = Duration::from_secs(30);
+
+    fn connect(readers: &Readers) -> TcpStream {
+        let stream = TcpStream::connect(readers.address().unwrap()).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream
+    }
+
+    /// Accepts until this is so: the system may hand a connection, or its end, over a little later.
+    fn accept_until(readers: &mut Readers, what: &str, is_so: impl Fn(&Readers) -> bool) {
+        let since = Instant::now();
+        while !is_so(readers) {
+            assert!(since.elapsed() < PATIENCE, "{what}: {readers:?}");
+            readers.accept(b"first");
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn one_that_waited_and_has_gone_makes_room_for_the_next_that_waits() {
+        let mut readers = Readers::bind(([127, 0, 0, 1], 0).into()).unwrap();
+        let mut seated = Vec::new();
+        for count in 1..=READERS {
+            seated.push(connect(&readers));
+            accept_until(&mut readers, "a place", |readers| readers.readers.iter().flatten().count() == count);
+        }
+        let gone = connect(&readers);
+        accept_until(&mut readers, "one waits", |readers| readers.waiting.is_some());
+        let number = |readers: &Readers| readers.waiting.as_ref().map(|waiting| waiting.holder.number);
+        let before = number(&readers);
+        drop(gone);
+        let mut next = connect(&readers);
+        accept_until(&mut readers, "the next waits", |readers| number(readers).is_some() && number(readers) != before);
+        // A place becomes free, and is that of the one that waits.
+        seated.pop();
+        accept_until(&mut readers, "it is seated", |readers| readers.waiting.is_none());
+        let mut bytes = [0; 5];
+        next.read_exact(&mut bytes).unwrap();
+        assert_eq!(&bytes, b"first");
+    }
+}

@@ -50,6 +50,14 @@ const TEXTS: [(Kind, &str); 9] = [
     (Kind::Robot, "# a machine\nmodel = \"l2\"\n"),
 ];
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stream_that_is_full_is_an_error() {
+    let output = Output::new("/dev/full", Kind::Picture);
+    let error = output.write("<svg xmlns=\"http://www.w3.org/2000/svg\"></svg>\n").unwrap_err().to_string();
+    assert!(error.contains("/dev/full") && error.contains("No space left"), "{error}");
+}
+
 /// Measured and foreign files, which no output replaces.
 const OTHERS: [(&str, &str); 8] = [
     ("rows.csv", "series,mounting,pose,window,stroke\nx,1,home,1,1\n"),

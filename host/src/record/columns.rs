@@ -213,7 +213,7 @@ mod tests {
         }
         // Of its tool a client knows the load alone.
         let tool = row.samples().tool.unwrap();
-        assert_eq!((tool.tick, tool.load), (7, load));
+        assert_eq!((tool.tick, tool.step, tool.load), (7, 0, load));
         for unknown in [tool.displacement_m, tool.turn_rad, tool.gauges_m] {
             assert!(unknown.iter().all(|value| value.is_nan()), "{tool:?}");
         }

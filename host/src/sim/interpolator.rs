@@ -224,6 +224,12 @@ mod tests {
         let stood = walk.position_m().map(|metres| metres + 0.004);
         walk.go_on_from(stood);
         assert_eq!(walk.position_m(), stood);
+        let mut timed = walk.clone();
+        let cycles = timed.rest.as_ref().unwrap().0.cycles;
+        (1..cycles).for_each(|_| timed.advance());
+        assert!(timed.rest.is_some());
+        timed.advance();
+        assert!(timed.rest.is_none() && timed.position_m() == [0.1, 0.0, -0.05], "{timed:?}");
         let (mut before, mut is_there) = (stood, false);
         for _ in 0..5000 {
             (last, before) = (before, walk.position_m());

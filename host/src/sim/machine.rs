@@ -386,6 +386,13 @@ mod tests {
         (SimulatedMachine::new(&l2.geometry, &l2.springs(), motors, parameters, tool).unwrap(), hand)
     }
 
+    #[test]
+    fn the_motors_of_a_pair_push_against_each_other() {
+        let axis_of_motor = [0, 1, 1, 2, 3, 3, 3];
+        let directions: Vec<f64> = (0..7).map(|motor| direction(&axis_of_motor, motor)).collect();
+        assert_eq!(directions, [0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+
     /// Runs one cycle of a server without offsets.
     fn cycle(machine: &mut Machine) -> Reading<ARMS> {
         let reading = machine.read(1).unwrap();

@@ -1,5 +1,10 @@
 //! `experiment` on the simulated machine, and over loopback with `serve --plan`, ended by a signal and taken up again.
 
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use crate::process::{Ended, Folder, Running};
 
 /// A plan of the L2: one strap, gauges on platform and carts.
@@ -194,6 +199,42 @@ fn series_with_compensation_are_measured_in_obtain() {
     assert!((q_2("x on", "2") - q_2("x on", "1") + 78e-6).abs() < 2e-6, "{table}");
     let said = folder.run(&["verify", "plan.toml", "--robot", "l2"]).success();
     assert!(said.contains("pairs               1,"), "{said}");
+}
+
+/// Gauges that are gone end the session, with a Goodbye and not with a connection that breaks; the campaign waits for them.
+#[test]
+fn gauges_that_are_gone_are_told_and_the_server_hears_a_goodbye() {
+    let folder = Folder::new("experiment-gauges-gone");
+    let levels = format!("levels_n = [{}0.0]", "0.0, 60.0, ".repeat(40));
+    folder.write("plan.toml", &PLAN.replacen("levels_n = [0.0, 60.0, 0.0]", &levels, 1));
+    let (mut server, [gauges, listen, sensor]) = serve(&folder);
+    let relay = TcpListener::bind("127.0.0.1:0").unwrap();
+    let relayed = relay.local_addr().unwrap().to_string();
+    let addresses = ["--server", &listen, "--sensor", &sensor, "--gauges", &relayed];
+    let arguments = ["experiment", "plan.toml", "--unattended", "-o", "springs.csv"];
+    let mut experiment = folder.start("experiment", &[arguments.as_slice(), &addresses].concat());
+    let (mut to, _) = relay.accept().unwrap();
+    // Another connection would be refused.
+    drop(relay);
+    let mut from = TcpStream::connect(gauges).unwrap();
+    let is_cut = Arc::new(AtomicBool::new(false));
+    let cut = Arc::clone(&is_cut);
+    let copy = std::thread::spawn(move || {
+        let mut bytes = [0; 4_096];
+        while !is_cut.load(Ordering::Relaxed) {
+            let count = from.read(&mut bytes).unwrap();
+            to.write_all(&bytes[..count]).unwrap();
+        }
+    });
+    server.await_words("Handshake -> Submit");
+    cut.store(true, Ordering::Relaxed);
+    copy.join().unwrap();
+    experiment.await_words("; the campaign pauses until the session can be taken up again");
+    server.await_words("the client said goodbye");
+    let ended = experiment.stop();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(ended.stderr.contains("WARN no gauges: "), "{}", ended.stderr);
+    server.stop().success();
 }
 
 #[test]

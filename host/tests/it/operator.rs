@@ -65,7 +65,9 @@ fn the_operator_switches_submit_obtain_and_gain_without_a_jump() {
     client.write("obtain\n");
     await_obtain(&mut server, 2);
     client.write("quit\n");
-    let said = client.end().success();
+    let ended = client.end();
+    assert!(!ended.stderr.contains("obtaining as soon as"), "{}", ended.stderr);
+    let said = ended.success();
     assert!(said.contains("left with Goodbye after "), "{said}");
     server.await_words("SafeDisconnect -> Listening");
     server.stop().success();
@@ -122,6 +124,7 @@ fn the_end_of_the_input_is_no_quit() {
     // Typed before the tare is done; the last line has no end.
     client.write("gain 0.5\nobtain\nstat");
     client.close_input();
+    client.await_words("obtaining as soon as the force sensor is tared");
     await_obtain(&mut server, 1);
     client.await_words("unknown command \"stat\"");
     let said = client.stop().success();

@@ -196,3 +196,23 @@ fn each_counter_is_explained_once_in_a_session() {
         }
     }
 }
+
+#[test]
+fn strangers_cannot_silence_the_machine_nor_a_stop() {
+    let mut server = Server::new();
+    for _ in 0..100 {
+        server.tick(|row| row.refused = 1);
+    }
+    let refused = server.said();
+    assert_eq!(refused.len(), 21, "{refused:?}");
+    server.tick(|row| row.welcomed = true);
+    assert!(server.said().is_empty());
+    server.tick(|row| (row.plant_failed, row.failure) = (true, None));
+    server.tick(|row| row.ended = Some(Cause::Stop));
+    let said = server.said();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(
+        said[0].starts_with("ERROR 102: the machine did not answer") && said[1].starts_with("INFO 103: "),
+        "{said:?}"
+    );
+}

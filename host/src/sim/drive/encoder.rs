@@ -70,3 +70,27 @@ impl Readings {
         (shown_m, change_m / CYCLE_S)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_encoder_at_rest_shows_whole_counts_and_no_velocity() {
+        let encoder = Encoder::new(1_000, 0.01);
+        for (position_m, shown_m) in [(1.000_004, 1.0), (-0.25, -0.25), (-0.250_001, -0.250_01)] {
+            let mut readings = Readings::at_rest(Some(encoder), position_m);
+            for (shown, velocity) in [readings.measure((position_m, 0.0)), readings.report((position_m, 0.0))] {
+                assert!((shown - shown_m).abs() < 1e-12, "{shown} {shown_m}");
+                assert_eq!(velocity.to_bits(), 0.0_f64.to_bits());
+            }
+            // Two counts later: per step of the loops, and per cycle.
+            let moved_m = position_m + 2.0 * encoder.step_m();
+            let (_, of_loops) = readings.measure((moved_m, 0.0));
+            let (_, reported) = readings.report((moved_m, 0.0));
+            assert!((of_loops * SUBSTEP_S - 2e-5).abs() < 1e-12, "{of_loops}");
+            assert!((reported * CYCLE_S - 2e-5).abs() < 1e-12, "{reported}");
+        }
+        assert_eq!(Readings::at_rest(None, 1.0).report((2.0, 3.0)), (2.0, 3.0));
+    }
+}

@@ -167,3 +167,23 @@ impl Default for Settings {
         Self::IDEAL
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn play_or_a_pair_that_pushes_makes_a_cart_a_body() {
+        for (backlash_m, bias, motors, expected) in [
+            (0.0, 0.0, 1, false),
+            (0.0, 0.0, 2, false),
+            (1e-6, 0.0, 1, true),
+            (1e-6, 0.0, 2, true),
+            (0.0, 0.1, 1, false),
+            (0.0, 0.1, 2, true),
+        ] {
+            let settings = Settings { backlash_m, bias, ..Settings::IDEAL };
+            assert_eq!(settings.has_cart(motors), expected, "{backlash_m} {bias} {motors}");
+        }
+    }
+}

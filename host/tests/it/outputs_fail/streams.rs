@@ -89,7 +89,7 @@ impl Failure {
         assert!(!format!("{output}{log}").contains("panicked"), "{output}{log}");
         match (self, failing) {
             (Self::Closed, _) | (_, Failing::Both) => {}
-            (_, Failing::Output) => assert!(log.contains("of the standard output"), "{self:?}: {log}"),
+            (_, Failing::Output) => assert!(log.contains("of the standard output lost: "), "{self:?}: {log}"),
             (_, Failing::Log) => assert!(output.contains("of the log lost: "), "{self:?}: {output}"),
         }
     }

@@ -159,10 +159,20 @@ fn check<K: MachineKind<N>, const N: usize, const M: usize>(name: &str, robot: &
     assert_eq!(usize::try_from(stats.message_count).unwrap(), 4 * rows.len() + events.len() + scenes.len());
     assert_eq!((usize::try_from(stats.chunk_count).unwrap(), stats.channel_count), (summary.chunk_indexes.len(), 6));
     assert!(bytes.len() < 1_000_000 || stats.chunk_count > 1, "one chunk of {} bytes", bytes.len());
+    for record in mcap::read::LinearReader::new(&bytes).unwrap() {
+        if let mcap::records::Record::Chunk { header, data } = record.unwrap() {
+            let size = u64::try_from(data.len()).unwrap();
+            assert_eq!((header.uncompressed_size, header.compressed_size), (size, size));
+            let length = header.message_end_time - header.message_start_time;
+            assert!(length > 0 && length <= 1_000_000_000, "{header:?}");
+        }
+    }
     // One a second, or 1 MiB.
     let most = 2 + rows.len() / 1_000 + bytes.len() / (1 << 20);
     assert!(usize::try_from(stats.chunk_count).unwrap() <= most, "{} chunks, {most}", stats.chunk_count);
     assert_eq!((stats.metadata_count, summary.metadata_indexes.len()), (1, 1));
+    let metadata = mcap::read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap();
+    assert_eq!((metadata.name.as_str(), metadata.metadata["tick_ms"].as_str()), ("gantry-tau", "1"));
 
     // A client knows of its tool the load alone.
     let client = samples(&std::fs::read(folder.path("client.mcap")).unwrap());
