@@ -107,3 +107,22 @@ pub fn drain<T>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T, bool)) {
         std::thread::sleep(REST);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::RobotFile;
+
+    #[test]
+    fn rows_that_were_dropped_before_are_lost_rows() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let path = std::env::temp_dir().join(format!("gantry-tau-dropped-{}.csv", std::process::id()));
+        let to: RecordTo = path.to_str().unwrap().parse().unwrap();
+        let recorder = Recorder::<ClientRow<3>, 3>::start(Recording::create::<ClientRow<3>, _>(&to, &robot).unwrap());
+        let recorder = recorder.unwrap();
+        assert!(!recorder.loses_rows());
+        let recorded = recorder.finish(3).unwrap();
+        assert_eq!((recorded.written, recorded.lost, recorded.failure), (0, 3, None));
+        assert!(!path.exists(), "no row, no file");
+    }
+}

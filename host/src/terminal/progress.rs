@@ -100,3 +100,26 @@ impl TermLike for Terminal {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moves_of_the_cursor_are_escape_sequences_and_none_for_nothing() {
+        type Move = fn(&Terminal, usize) -> io::Result<()>;
+        let moves: [(Move, char); 4] = [
+            (Terminal::move_cursor_up, 'A'),
+            (Terminal::move_cursor_down, 'B'),
+            (Terminal::move_cursor_right, 'C'),
+            (Terminal::move_cursor_left, 'D'),
+        ];
+        for (step, letter) in moves {
+            let terminal = Terminal::default();
+            for count in [0, 1, 12] {
+                step(&terminal, count).unwrap();
+            }
+            assert_eq!(*terminal.0.lock().unwrap(), format!("\x1b[1{letter}\x1b[12{letter}"));
+        }
+    }
+}

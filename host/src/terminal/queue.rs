@@ -190,6 +190,8 @@ impl Queue {
             if told.is_some() {
                 drop(state);
                 self.tell(told);
+                // Whoever waits for the end waits for this as well.
+                self.changed.notify_all();
                 state = self.lock();
             } else if !state.waiting.is_empty() {
                 // The sentence of the log about itself.
@@ -360,6 +362,28 @@ mod tests {
         output.next(Err(ErrorKind::BrokenPipe.into()));
         output.say("{4}");
         assert!(output.queue.is_broken());
+    }
+
+    #[test]
+    fn a_blocked_output_is_told_in_the_log_at_once_and_counted_later() {
+        let log = bench(None);
+        let (release, released) = channel();
+        let output = Queue::start("standard output", Blocked(released, Arc::default()), Some(log.queue)).unwrap();
+        // One is being written, the queue is full, and five more.
+        let line = || format!("{:>9999}\n", 0).into_bytes();
+        output.push(line());
+        while output.lock().waiting.len() == 1 {
+            std::thread::yield_now();
+        }
+        (0..CAPACITY / 10_000 + 5).for_each(|_| output.push(line()));
+        log.queue.finish(Instant::now() + SOON);
+        assert_eq!(log.text(), "gantry-tau: lines of the standard output are lost: the reader does not take them\n");
+        drop(release);
+        assert_eq!(output.finish(Instant::now() + SOON), None);
+        log.queue.finish(Instant::now() + SOON);
+        let told = log.text();
+        let last = told.lines().last().unwrap();
+        assert_eq!(last, "gantry-tau: 5 lines of the standard output lost: the reader did not take them", "{told}");
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! The real client against a real server in lock-step, with a force sensor that lies or falls silent: it leaves in good order
 //! and says why, instead of compensating a force that is not measured.
 
-use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions, ClientReport};
 use gantry_tau::model::L2_MOTORS;
 use gantry_tau::plant::{Plant, PlantError, Reading};
 use gantry_tau::robot_file::RobotFile;
@@ -53,8 +56,8 @@ impl Plant<ARMS, L2_MOTORS> for Liar {
     }
 }
 
-/// Runs a client whose sensor lies; returns how it ended, and whether it ever reached Obtain.
-fn session(lie: Lie) -> (ClientError, bool) {
+/// Runs a client whose sensor lies, until it ends or, from a tick on, is told to quit; returns how it ended, and whether it ever reached Obtain.
+fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool) {
     let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
@@ -79,19 +82,24 @@ fn session(lie: Lie) -> (ClientError, bool) {
         record: None,
         obtain: true,
     };
-    let client = std::thread::spawn(move || client::run(&options, &ClientControls::default()));
+    let controls = Arc::new(ClientControls::default());
+    let told = Arc::clone(&controls);
+    let client = std::thread::spawn(move || client::run(&options, &told));
     let mut obtained = false;
     let mut ended = None;
     while ended.is_none() {
         if let Ok(row) = rows.pop() {
             obtained |= row.state.phase == Phase::Obtain;
             ended = row.ended;
+            if row.state.tick.0 >= quit_at {
+                controls.quit.store(true, Ordering::Relaxed);
+            }
         }
     }
     assert_eq!(ended, Some(Cause::Goodbye), "it leaves in good order");
-    let error = client.join().unwrap().unwrap_err();
+    let result = client.join().unwrap();
     server.quit().unwrap();
-    (error, obtained)
+    (result, obtained)
 }
 
 fn honest(tick: u64) -> Sample {
@@ -118,10 +126,27 @@ fn a_sensor_that_lies_or_falls_silent_is_left() {
         ("repeats one sample", |tick| Some(honest(tick.min(5))), false, "none has come for too long"),
     ];
     for (case, lie, obtains, reason) in cases {
-        let (error, obtained) = session(lie);
+        let (result, obtained) = session(lie, u64::MAX);
+        let error = result.unwrap_err();
         assert_eq!(obtained, obtains, "{case}");
         assert!(matches!(error, ClientError::SensorSilent(_)), "{case}: {error}");
         assert!(error.to_string().contains(reason), "{case}: {error}");
         assert_eq!(error.exit_code(), 8, "{case}");
     }
+}
+
+/// Bad samples now and then, each time fewer than end a session and together more: the last correction is held, and every one is counted.
+#[test]
+fn a_sensor_that_lies_for_a_moment_is_borne() {
+    const BURST: u64 = 90;
+    let is_bad = |tick: u64| tick > 2_000 && tick % 500 < BURST;
+    let lie: Lie = |tick| {
+        let wrench = if tick > 2_000 && tick % 500 < BURST { [f64::NAN; 6] } else { honest(tick).wrench };
+        Some(Sample { tick, wrench })
+    };
+    let (result, obtained) = session(lie, 6_000);
+    let report = result.unwrap();
+    assert!(obtained);
+    let bad = (0..6_000).filter(|tick| is_bad(*tick)).count() as u64;
+    assert!(bad > 2 * BURST && (bad..bad + BURST).contains(&report.held), "{} of {bad}: {report:?}", report.held);
 }

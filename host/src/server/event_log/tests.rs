@@ -205,14 +205,20 @@ fn strangers_cannot_silence_the_machine_nor_a_stop() {
     }
     let refused = server.said();
     assert_eq!(refused.len(), 21, "{refused:?}");
+    // The ramp of an earlier server is nobody's doing.
+    server.phase(Phase::SafeDisconnect);
+    server.phase(Phase::Listening);
+    assert_eq!(server.said(), ["INFO 101: Listening -> SafeDisconnect", "INFO 102: SafeDisconnect -> Listening"]);
+    // A session without a command is.
     server.tick(|row| row.welcomed = true);
+    server.phase(Phase::Handshake);
     assert!(server.said().is_empty());
     server.tick(|row| (row.plant_failed, row.failure) = (true, None));
     server.tick(|row| row.ended = Some(Cause::Stop));
     let said = server.said();
     assert_eq!(said.len(), 2, "{said:?}");
     assert!(
-        said[0].starts_with("ERROR 102: the machine did not answer") && said[1].starts_with("INFO 103: "),
+        said[0].starts_with("ERROR 105: the machine did not answer") && said[1].starts_with("INFO 106: "),
         "{said:?}"
     );
 }

@@ -39,6 +39,37 @@ pub(super) fn origin(bytes: &[u8]) -> serde_json::Map<String, Value> {
     metadata.flatten().map(|(key, value)| (key, value.into())).collect()
 }
 
+/// Fields say what they are, and in which unit.
+#[test]
+fn schemas_describe_their_fields() {
+    let folder = Folder::new("mcap-schemas");
+    let robot = RobotFile::builtin_l2().unwrap();
+    session::run::<_, 3, L2_MOTORS>(&robot, &[to(&folder, "server.mcap")], to(&folder, "client.mcap"));
+    let bytes = std::fs::read(folder.path("server.mcap")).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let schema = |name: &str| -> Value {
+        let schema = summary.schemas.values().find(|schema| schema.name == name).unwrap();
+        serde_json::from_slice(&schema.data).unwrap()
+    };
+    let state = &schema("gantry_tau.state")["properties"];
+    assert_eq!(state["tick"]["description"], "Number of the server's tick, 1 ms each");
+    assert_eq!((&state["tick"]["unit"], &state["epoch"]["unit"]), (&"ms".into(), &Value::Null));
+    assert_eq!(state["epoch"]["description"], "Epoch of the session");
+    assert_eq!(state["phase"]["oneOf"][3], serde_json::json!({ "const": 3, "title": "Obtain" }));
+    let axis = &schema("gantry_tau.axes")["properties"]["axis"]["items"]["properties"];
+    for (field, unit) in [
+        ("nominal_nm", "nm"),
+        ("actual_velocity_um_s", "µm/s"),
+        ("torque_offset_permille", "per mille of the rated torque"),
+    ] {
+        assert_eq!(axis[field]["unit"], unit, "{field}");
+        assert!(axis[field]["description"].as_str().unwrap().len() > 8, "{field}");
+    }
+    let tool = &schema("gantry_tau.tool")["properties"];
+    assert_eq!((&tool["displacement_m"]["unit"], &tool["turn_rad"]["unit"]), (&"m".into(), &"rad".into()));
+    assert_eq!(tool["load"]["unit"][3], "N m");
+}
+
 /// Checks a value against its schema.
 fn assert_is(value: &Value, schema: &Value) {
     if let Some(types) = schema["type"].as_array() {

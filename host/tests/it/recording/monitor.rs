@@ -113,11 +113,40 @@ fn a_restart_of_the_server_begins_another_file() {
         let started =
             |origin: &serde_json::Map<String, Value>| origin["started_ns"].as_str().unwrap().parse::<u128>().unwrap();
         assert!(started(&first) < started(&second));
+        for origin in [&first, &second] {
+            // To the second, the last one or this one.
+            let seconds = started(origin) / 1_000_000_000;
+            let text = origin["started"].as_str().unwrap();
+            let of_day: Vec<u128> = text[11..19].split(':').map(|part| part.parse().unwrap()).collect();
+            assert_eq!(of_day[0] * 3_600 + of_day[1] * 60 + of_day[2], seconds % 86_400, "{text}");
+            assert!(text.starts_with("20") && text.ends_with('Z') && text.len() == 20, "{text}");
+        }
         for key in ["written_by", "robot", "model", "kinematics_checksum", "host", "tick_ms"] {
             assert!(first[key].as_str().is_some_and(|text| !text.is_empty()), "{key}: {first:?}");
             assert_eq!(first[key], second[key], "{key}");
         }
     }
+}
+
+/// A recording that is as long as it may be ends there, whole, and says so; the monitor goes on.
+#[test]
+fn a_limit_ends_a_recording_and_nothing_else() {
+    let folder = Folder::new("recording-limit");
+    let double = Double::of(Scene::of(Phase::Submit, Cause::None));
+    let arguments = ["--status", "--every", "0.05", "--record", "run.csv", "--record-limit", "100k"];
+    let mut monitor =
+        folder.start("monitor", &[&["monitor", &double.address.to_string()], arguments.as_slice()].concat());
+    monitor.await_words("it ends here");
+    let lines = |monitor: &crate::process::Running| monitor.stdout().lines().count();
+    let before = lines(&monitor);
+    monitor.await_that("further lines", |monitor| lines(monitor) > before + 2);
+    let ended = monitor.stop();
+    assert!(ended.stderr.contains(" dropped after "), "{}", ended.stderr);
+    ended.success();
+    let text = folder.read("run.csv");
+    // It is looked at every 250 rows.
+    assert!(text.len() >= 100_000 && text.len() < 100_000 + 250 * 500, "{}", text.len());
+    assert!(text.ends_with('\n') && csv_ticks(&folder.path("run.csv")).len() > 20);
 }
 
 /// Ticks of a table, in their order.

@@ -296,6 +296,26 @@ fn a_rearm_away_from_the_axis_moves_nothing_and_names_the_reason() {
     }
 }
 
+/// Whatever is not known to be in force is not followed, re-armed or not.
+#[test]
+fn a_rearm_while_what_is_in_force_is_unknown_moves_nothing() {
+    let mut server = Server::moving();
+    server.at_full_speed();
+    server.step(Demands { stop: true, rearm: false, ..Demands::default() });
+    until_rest(&mut server, Demands::default());
+    *server.bus.in_force_misread.lock().unwrap() = Misread::Missing;
+    let stands_m = server.positions_m();
+    for _ in 0..500 {
+        let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
+        assert_eq!(row.state.phase, Phase::Fault);
+    }
+    assert_eq!(*server.bus.in_force.lock().unwrap(), [0; N]);
+    assert!(farthest_mm(&stands_m, &server.positions_m()) < 0.001);
+    *server.bus.in_force_misread.lock().unwrap() = Misread::Rightly;
+    rearm(&mut server);
+    assert!(goes_on(&mut server) > 100.0);
+}
+
 /// The loops begin by themselves where the axes stand, and nowhere else.
 #[test]
 fn a_start_away_from_the_axis_moves_nothing_until_it_is_rearmed() {
