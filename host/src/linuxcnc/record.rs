@@ -138,7 +138,9 @@ fn period<const N: usize>(number: usize, joints: &[f64], server: &[f64]) -> Resu
 
 /// Whole nanometres, as the component counts them; of a plate they have been in degrees.
 fn whole<const N: usize>(values: &[f64; N]) -> Result<[i64; N], String> {
-    match values.iter().find(|value| !((*value - value.round()).abs() < PRINTED_NM)) {
+    // NaN is near nothing.
+    let is_whole = |value: &f64| (value - value.round()).abs() < PRINTED_NM;
+    match values.iter().find(|value| !is_whole(value)) {
         Some(value) => Err(format!("{value} nm is not a whole number")),
         None => Ok(values.map(|value| value.round() as i64)),
     }

@@ -152,10 +152,10 @@ fn judge<K, const N: usize>(robot: &RobotFile<K, N>, moments: &[Moment<N>]) -> R
         });
         let judged = monitor.check_references(&nominal, &references);
         judged.map_err(|violation| format!("period {}: {violation}", period.number))?;
-        for (joint, (nominal, travel)) in nominal.iter().zip(&travels).enumerate() {
-            let (reference, offset) = (period.reference_nm[joint], period.offset_nm[joint]);
+        let joints = nominal.iter().zip(&travels).zip(period.reference_nm.iter().zip(period.offset_nm));
+        for (joint, ((nominal, travel), (reference, offset))) in joints.enumerate() {
             let expected = (nominal.0 + i64::from(offset)).clamp(travel.lower.0, travel.upper.0);
-            if reference != expected {
+            if *reference != expected {
                 let number = period.number;
                 return Err(format!(
                     "period {number}: joint {joint} is at {reference} nm, and command plus offset at {expected}"

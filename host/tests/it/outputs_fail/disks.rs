@@ -126,6 +126,24 @@ fn at_the_start_is_one_line() {
     }
 }
 
+/// The report of a demo: the demo ends with its name, and no part of it is left.
+#[test]
+fn in_the_middle_of_a_demo() {
+    let bench = Bench::new("disk-demo");
+    let (mut ours, theirs) = UnixStream::pair().unwrap();
+    let log = Some(Stdio::from(std::os::fd::OwnedFd::from(theirs)));
+    let arguments = ["demo", "--pace", "lockstep", "--step-seconds", "0.2", "--force-max", "60", "--report", "r.html"];
+    let demo = bench.folder.start_by(&mut binary(), "demo", &arguments, Streams { log, ..Streams::default() });
+    let mut begun = [0; 1];
+    ours.read_exact(&mut begun).unwrap();
+    fill_disks(&demo, true);
+    assert_eq!(code(demo), Some(1), "{}", bench.said());
+    let mut said = String::new();
+    ours.read_to_string(&mut said).unwrap();
+    assert!(said.lines().any(|line| line.starts_with("gantry-tau: ") && line.contains("r.html")), "{said}");
+    assert!(!bench.folder.path("r.html").exists());
+}
+
 /// The table of a campaign: it ends with the name of the table, and the server hears a Goodbye.
 #[test]
 fn in_the_middle_of_an_experiment() {
