@@ -17,11 +17,13 @@ pub fn schema<const N: usize>() -> String {
         sample::<State>("state of the server after a tick; codes and counters as in wire.md"),
         sample::<Axes<N>>("every axis after a tick; flags as in wire.md"),
         sample::<Tool>("the simulation's truth"),
-        sample::<SessionEvent>("kind: 0 granted, 1 refused, 2 ended, 3 phase, 4 machine failed"),
+        sample::<SessionEvent>("kind: 0 granted, 1 refused, 2 ended, 3 phase, 4 machine failed, 5 rows lost"),
         sample::<Drives<N>>(
             "state of the drives of every axis: 0 not ready, 1 ready, 2 operating, 3 quick stop, 4 fault",
         ),
-        sample::<Machine>("the machine, once: checksum of its kinematic parameters as in wire.md, and its name"),
+        sample::<Machine>(
+            "the machine, once: checksum of its kinematic parameters as in wire.md, its name, and 1 in lock-step",
+        ),
     ]
     .concat()
 }

@@ -141,12 +141,7 @@ impl<const N: usize> Recording<N> {
             }
             Ok((path, Writer::create::<T, K, N>(&of, &robot, file, &about)?))
         });
-        let mut recording =
-            Self { asked: to.path.clone(), limit: to.limit, open, file: None, tally: Tally::of(&to.path) };
-        if is_stream {
-            recording.begin();
-        }
-        Ok(recording)
+        Ok(Self { asked: to.path.clone(), limit: to.limit, open, file: None, tally: Tally::of(&to.path) })
     }
 
     /// Path of the file, or, before its first row, the one that was asked for.

@@ -201,7 +201,7 @@ fn the_schema_is_made_of_the_types_that_are_sent() {
         "  double displacement_m[3];",
         "  string text;\n} session_event;",
         "  byte state[3];\n} drives;",
-        "sample struct {\n  long kinematics;\n  string name;\n} machine;",
+        "sample struct {\n  long kinematics;\n  string name;\n  byte lockstep;\n} machine;",
     ] {
         assert!(three.contains(line), "{three}");
     }

@@ -1,6 +1,10 @@
 //! Runs the binary in a folder of its own, with files as its standard streams, and bounds every wait.
 
 use std::fs::File;
+#[cfg(unix)]
+use std::io::{Read, Write};
+#[cfg(unix)]
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -123,7 +127,7 @@ impl Running {
     /// Writes to the input, which must be a pipe.
     #[cfg(unix)]
     pub(crate) fn write(&mut self, text: &str) {
-        std::io::Write::write_all(self.child.stdin.as_mut().unwrap(), text.as_bytes()).unwrap();
+        self.child.stdin.as_mut().unwrap().write_all(text.as_bytes()).unwrap();
     }
 
     /// Ends the input.
@@ -246,4 +250,30 @@ impl Ended {
             assert!(!self.stderr.contains(word), "{}", self.stderr);
         }
     }
+}
+
+/// Relays one connection to a server whose frames arrive each after a pause: lock-step, as fast as it can, is too fast for a monitor.
+#[cfg(unix)]
+pub(crate) fn relay_paced(listener: TcpListener, server: String) {
+    std::thread::spawn(move || {
+        let (to_client, _) = listener.accept().unwrap();
+        let to_server = TcpStream::connect(server).unwrap();
+        let ends = (to_client.try_clone().unwrap(), to_server.try_clone().unwrap());
+        std::thread::spawn(move || copy_paced(ends.0, ends.1, Duration::ZERO));
+        copy_paced(to_server, to_client, Duration::from_millis(1));
+    });
+}
+
+/// Copies what arrives, each time after a pause, until one of both ends.
+#[cfg(unix)]
+fn copy_paced(mut from: TcpStream, mut to: TcpStream, pause: Duration) {
+    to.set_nodelay(true).unwrap();
+    let mut bytes = [0; 4096];
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        std::thread::sleep(pause);
+        if to.write_all(&bytes[..count]).is_err() {
+            break;
+        }
+    }
+    let _ = (from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both));
 }

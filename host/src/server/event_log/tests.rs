@@ -198,6 +198,22 @@ fn each_counter_is_explained_once_in_a_session() {
 }
 
 #[test]
+fn a_session_that_acts_has_its_grant_in_the_log_whatever_strangers_do() {
+    let mut server = Server::new();
+    for _ in 0..100 {
+        server.tick(|row| row.refused = 1);
+    }
+    server.row.state.epoch = Epoch(7);
+    server.said();
+    server.tick(|row| row.welcomed = true);
+    server.phase(Phase::Handshake);
+    assert!(server.said().is_empty());
+    server.phase(Phase::Submit);
+    let said = server.said();
+    assert_eq!(said[0], "INFO 103: session granted (epoch 7)", "{said:?}");
+}
+
+#[test]
 fn strangers_cannot_silence_the_machine_nor_a_stop() {
     let mut server = Server::new();
     for _ in 0..100 {

@@ -7,8 +7,7 @@ mod storms;
 mod streams;
 
 use std::fs::File;
-use std::io::{Read, Write};
-use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -16,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use crate::process::{BINARY, Folder, Running, Streams};
+use crate::process::{BINARY, Folder, Running, Streams, relay_paced};
 use crate::signals::rows;
 
 /// Longest wait for anything.
@@ -73,14 +72,7 @@ impl Bench {
 
     /// The client of a server that a monitor reads, some hundred ticks per second: as fast as it can, lock-step is too fast for a monitor.
     fn paced_client(&self) -> Running {
-        let (relay, server) = (TcpListener::bind((self.ip, 7010)).unwrap(), (self.ip, 7000));
-        std::thread::spawn(move || {
-            let (to_client, _) = relay.accept().unwrap();
-            let to_server = TcpStream::connect(server).unwrap();
-            let ends = (to_client.try_clone().unwrap(), to_server.try_clone().unwrap());
-            std::thread::spawn(move || copy_paced(ends.0, ends.1, Duration::ZERO));
-            copy_paced(to_server, to_client, Duration::from_millis(1));
-        });
+        relay_paced(TcpListener::bind((self.ip, 7010)).unwrap(), self.at(7000));
         let (relay, sensor) = (self.at(7010), self.at(7001));
         self.folder.start("client", &["client", &relay, "--sensor", &sensor])
     }
@@ -149,19 +141,6 @@ impl Bench {
         let ramp = rows[last..].iter().position(|(_, offsets)| *offsets == [0; 3]).unwrap();
         assert_eq!(u64::try_from(ramp).unwrap(), left.div_ceil(100));
     }
-}
-
-/// Copies what arrives, each time after a pause, until one of both ends.
-fn copy_paced(mut from: TcpStream, mut to: TcpStream, pause: Duration) {
-    to.set_nodelay(true).unwrap();
-    let mut bytes = [0; 4096];
-    while let Ok(count @ 1..) = from.read(&mut bytes) {
-        std::thread::sleep(pause);
-        if to.write_all(&bytes[..count]).is_err() {
-            break;
-        }
-    }
-    let _ = (from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both));
 }
 
 fn binary() -> std::process::Command {
