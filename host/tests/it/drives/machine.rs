@@ -11,7 +11,7 @@ use gantry_tau::sim::parameters::Motion;
 use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
-use gantry_tau_core::units::EpochRange;
+use gantry_tau_core::units::{EpochRange, TorquePermille, VelocityUmS};
 
 use super::{F1, L2};
 use crate::process::Folder;
@@ -142,6 +142,39 @@ fn a_server_that_is_late_finds_its_drives_stopped() {
     let row = late.step(4, Demands::default());
     assert!(row.plant_failed && row.drives == Some([DriveState::QuickStop; 3]), "{row:?}");
     assert!(row.failure.unwrap().to_string().contains("drives.watchdog_cycles"));
+}
+
+/// The second motor of a pair is led away: its drive stops first, the other one because of it, and the reason is that of the first.
+#[test]
+fn the_reason_of_a_pair_is_that_of_the_drive_that_stopped_first() {
+    let text = F1.replacen("[simulation]", DRIVES, 1);
+    let AnyRobotFile::F1(robot) = AnyRobotFile::parse("x.toml", &text).unwrap() else { panic!("an F1") };
+    let (_hand, tool) = load_generator();
+    let mut machine: SimulatedMachine<6, F1_MOTORS> = robot.simulated_machine(tool, Motion::Hold).unwrap();
+    let map = robot.motor_map::<F1_MOTORS>().unwrap();
+    let axis_of_motor = map.axis_of_motor();
+    let second = (1..F1_MOTORS).find(|motor| axis_of_motor[..*motor].contains(&axis_of_motor[*motor])).unwrap();
+    let parts = machine.in_force().unwrap();
+    let mut failure = None;
+    for cycle in 0..200 {
+        if let Err(error) = machine.read(1) {
+            failure = Some(error);
+            break;
+        }
+        let mut references = axis_of_motor.map(|axis| Reference {
+            position: parts[axis].nominal,
+            velocity_offset: VelocityUmS(0),
+            torque_offset: TorquePermille(0),
+        });
+        if cycle > 20 {
+            references[second].position.0 += 50_000_000;
+        }
+        machine.write(&references, &parts).unwrap();
+    }
+    let said = failure.unwrap().to_string();
+    assert!(said.contains("following error") && !said.contains("another drive"), "{said}");
+    let stopped = machine.drives().unwrap()[axis_of_motor[second]];
+    assert_eq!(stopped, DriveState::QuickStop);
 }
 
 /// The machine, and a check of what it is written.
