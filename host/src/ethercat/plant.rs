@@ -371,3 +371,27 @@ const fn drive_state(state: PowerState) -> DriveState {
         PowerState::FaultReactionActive | PowerState::Fault => DriveState::Fault,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_core::control::axis::Offsets;
+    use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
+
+    use super::*;
+
+    /// Drives whose unit of velocity is not a count per second, with and against their axis: 10 nm to a count.
+    #[test]
+    fn velocities_are_in_the_unit_of_the_drive() {
+        for sign in [1, -1] {
+            let scale = CountScale::new(1e8 * f64::from(sign), 5_000).unwrap();
+            let motor = Motor { axis: 0, scale, velocity_unit: 20.0 };
+            // 1 000 units are 20 000 counts/s: 200 µm/s.
+            assert_eq!(motor.velocity_um_s(1_000 * sign), Some(200));
+            let offsets = Offsets { position: OffsetNm(3_000), velocity: VelocityUmS(200), torque: TorquePermille(7) };
+            let target = motor.target(PositionNm(1_003_000), &offsets).unwrap();
+            assert_eq!((target.offset.position, target.offset.velocity), (300 * sign, 1_000 * sign));
+            assert_eq!(i32::from(target.offset.torque), 7 * sign);
+            assert_eq!(target.position, 5_000 + 100_000 * sign, "sum and offset are rounded once");
+        }
+    }
+}
