@@ -1,5 +1,6 @@
 //! Signals that end a server or a client: each is a ramp and the documented exit code. Those that would suspend or end it do nothing.
 
+use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
 
 use super::{Bench, binary, shell, terminal};
@@ -38,7 +39,10 @@ fn that_end_a_client_are_a_goodbye() {
 #[test]
 fn that_suspend_or_end_other_programs_do_nothing_to_a_server() {
     let bench = Bench::new("server-unmoved");
-    let server = bench.healthy_serve();
+    // The system suspends nothing in a group whose parent is of another session, as this test may be.
+    let mut program = binary();
+    program.process_group(0);
+    let server = bench.serve(&mut program, Streams::default(), &[]);
     let owner = bench.client(&mut binary(), Streams::default());
     for signal in ["-TSTP", "-TTOU", "-TTIN", "-XFSZ", "-PIPE"] {
         let from = bench.await_an_offset();
