@@ -205,6 +205,18 @@ mod tests {
     }
 
     #[test]
+    fn a_path_begins_after_its_dwell_and_not_a_cycle_later() {
+        let mut walk = walk();
+        for _ in 0..20 {
+            assert_eq!(walk.position_m(), [0.0; 3]);
+            walk.advance();
+        }
+        assert_eq!(walk.position_m(), [0.0; 3]);
+        walk.advance();
+        assert!(walk.position_m()[0] > 0.0, "{walk:?}");
+    }
+
+    #[test]
     fn holding_does_not_move() {
         let home = [0.3, -0.2, 1.0];
         let mut hold = Interpolator::new(home, &Motion::Hold).unwrap();

@@ -100,6 +100,11 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
     }
     assert_eq!(ended, Some(Cause::Goodbye), "it leaves in good order");
     let result = client.join().unwrap();
+    if let Ok(report) = &result {
+        // Every State has its Command, but that of the Goodbye and the last one.
+        let commands = controls.commands.load(Ordering::Relaxed);
+        assert_eq!(commands + 2, report.states, "{report:?}");
+    }
     server.quit().unwrap();
     (result, obtained, last)
 }

@@ -151,6 +151,17 @@ fn check_scene<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, updat
             assert!((moved - offset * 1e-6 * along / length).abs() < 5e-6, "{moved} {offset} {along}");
         }
     }
+    // Joints are drawn smaller than the tool; carts as long as they are.
+    let diameters = |entity: &Value| -> Vec<f64> {
+        entity["spheres"].as_array().unwrap().iter().map(|sphere| sphere["size"]["x"].as_f64().unwrap()).collect()
+    };
+    let (of_tool, of_joints) = diameters(machine).split_last().map(|(tool, joints)| (*tool, joints.to_vec())).unwrap();
+    assert_eq!(of_joints, vec![0.03; 2 * lengths.len()]);
+    assert_eq!((of_tool, diameters(displaced).as_slice()), (0.04, [0.04].as_slice()));
+    for cube in machine["cubes"].as_array().unwrap() {
+        let edges = ["x", "y", "z"].map(|axis| cube["size"][axis].as_f64().unwrap());
+        assert!(edges.iter().all(|edge| (0.01..1.0).contains(edge)), "{edges:?}");
+    }
     // The tool by its displacement.
     let place = |entity: &Value| entity["spheres"].as_array().unwrap().last().unwrap()["pose"]["position"].clone();
     for (moved, metres) in
