@@ -122,7 +122,8 @@ fn period<const N: usize>(number: usize, joints: &[f64], server: &[f64]) -> Resu
         number: number as u64,
         nominal_nm: [0; N],
         reference_nm: whole(reference)?,
-        offset_nm: whole(offset)?.map(|nm| nm as i32),
+        // One beyond the range is none of core's: the reference will not be command plus offset.
+        offset_nm: whole(offset)?.map(|nm| i32::try_from(nm).unwrap_or(i32::MAX)),
         wrench: [w0, w1, w2, w3, w4, w5],
         phase: Phase::from_code(code(phase)).ok_or_else(|| format!("{phase} is not a phase"))?,
         cause: Cause::from_code(code(cause)).ok_or_else(|| format!("{cause} is not a cause"))?,

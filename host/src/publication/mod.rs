@@ -42,8 +42,9 @@ pub struct Publication {
     preamble: Vec<u8>,
     /// Bytes of the preamble that stay: all but what is kept.
     standing: usize,
-    /// Events for readers that come later: the first lost row; the failure of the machine while it lasts.
-    kept: [Option<Event>; 2],
+    /// Kept for readers that come later: the first lost row, and the failure of the machine while it lasts.
+    lost: Option<Event>,
+    failure: Option<Event>,
     /// Ticks that were published and not sent.
     batch: Vec<u8>,
 }
@@ -65,7 +66,7 @@ impl Publication {
         let batch = Vec::with_capacity(BATCH);
         let standing = preamble.len();
         let readers = Readers::bind(address)?;
-        Ok(Self { readers, gauge_resolution_m, ticks, preamble, standing, kept: [None, None], batch })
+        Ok(Self { readers, gauge_resolution_m, ticks, preamble, standing, lost: None, failure: None, batch })
     }
 
     /// Says which machine it is, if the port carries that sample.
@@ -128,21 +129,15 @@ impl Publication {
     /// Keeps events for readers that come later: lost rows, and the failure of the machine until the server listens again.
     fn keep<const N: usize>(&mut self, row: &Row<N>, events: &[Event]) {
         let last = |kind| events.iter().rfind(|event| event.kind == kind);
-        let (lost, failure) = (last(EventKind::RowsLost), last(EventKind::MachineFailed));
-        let is_over = self.kept[1].is_some() && !row.plant_failed && row.state.phase == Phase::Listening;
+        let lost = last(EventKind::RowsLost).filter(|_| self.lost.is_none());
+        let failure = last(EventKind::MachineFailed);
+        let is_over = self.failure.is_some() && !row.plant_failed && row.state.phase == Phase::Listening;
         if lost.is_none() && failure.is_none() && !is_over {
             return;
         }
-        let [kept_lost, kept_failure] = &mut self.kept;
-        if let Some(lost) = lost {
-            kept_lost.get_or_insert_with(|| lost.clone());
-        }
-        match failure {
-            Some(failure) => *kept_failure = Some(failure.clone()),
-            None if is_over => *kept_failure = None,
-            None => {}
-        }
+        self.lost = self.lost.take().or(lost.cloned());
+        self.failure = failure.cloned().or(self.failure.take().filter(|_| !is_over));
         self.preamble.truncate(self.standing);
-        self.preamble.extend_from_slice(self.ticks.encode_events(self.kept.iter().flatten()));
+        self.preamble.extend_from_slice(self.ticks.encode_events(self.lost.iter().chain(&self.failure)));
     }
 }

@@ -128,9 +128,8 @@ mod tests {
         }
     }
 
-    /// Against days that are counted one after the other.
     #[test]
-    fn dates_are_those_of_a_calendar_that_is_torn_off() {
+    fn dates_are_those_of_days_counted_one_by_one() {
         let mut day = 0;
         for year in 1970..=2400 {
             let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);

@@ -159,24 +159,13 @@ impl<const N: usize> Record for ClientRow<N> {
 
 #[cfg(test)]
 mod tests {
-    use gantry_tau_core::control::message::{Cause, Counters, Phase};
-    use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick};
+    use gantry_tau_core::control::message::Phase;
+    use gantry_tau_core::units::{PositionNm, Tick};
 
     use super::*;
 
     fn state(axes: [AxisState; 3]) -> State<3> {
-        State {
-            tick: Tick(7),
-            epoch: Epoch(1),
-            accepted: Sequence(1),
-            phase: Phase::Obtain,
-            cause: Cause::None,
-            on_time_of_100: 100,
-            arrival_us: 0,
-            ramp_ticks_left: 0,
-            counters: Counters::default(),
-            axes,
-        }
+        State { tick: Tick(7), phase: Phase::Obtain, axes, ..Row::listening().state }
     }
 
     #[test]

@@ -125,8 +125,7 @@ impl<const N: usize> Recording<N> {
     ) -> Result<Self, RecordError> {
         let failed = |reason: String| RecordError { path: to.path.clone(), reason };
         let file = GrowingFile::fresh(&to.path, None).map_err(|error| failed(error.to_string()))?;
-        let is_stream = file.is_open();
-        let mut stream = is_stream.then_some(file);
+        let mut stream = file.is_open().then_some(file);
         let (of, robot) = (to.clone(), robot.clone());
         let open: Open = Box::new(move || {
             let mut file = match stream.take() {

@@ -52,6 +52,44 @@ pub struct Row<const N: usize> {
     pub latch_lost: bool,
 }
 
+#[cfg(test)]
+impl<const N: usize> Row<N> {
+    /// Row of a server that listens, with all values zero.
+    pub(crate) fn listening() -> Self {
+        use gantry_tau_core::control::message::{AxisState, Counters};
+        use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+        let state = State {
+            tick: Tick(0),
+            epoch: Epoch(0),
+            accepted: Sequence(0),
+            phase: Phase::Listening,
+            cause: Cause::None,
+            on_time_of_100: 100,
+            arrival_us: 0,
+            ramp_ticks_left: 0,
+            counters: Counters::default(),
+            axes: [AxisState::default(); N],
+        };
+        let zero =
+            Reference { position: PositionNm(0), velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) };
+        Self {
+            state,
+            references: [zero; N],
+            tool: None,
+            ended: None,
+            welcomed: false,
+            refused: 0,
+            elapsed: 1,
+            round_trip_us: None,
+            plant_failed: false,
+            failure: None,
+            drives: None,
+            latched: false,
+            latch_lost: false,
+        }
+    }
+}
+
 /// Switches at the machine in one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Demands {

@@ -56,8 +56,8 @@ impl Plant<ARMS, L2_MOTORS> for Liar {
     }
 }
 
-/// Runs a client whose sensor lies, until it ends or, from a tick on, is told to quit; returns how it ended, whether it ever reached Obtain, and
-/// the last tick of the session.
+/// Runs a client whose sensor lies, until it ends or, from a tick on, is told to quit. Returns its result, whether it reached Obtain, and the
+/// last tick of the session.
 fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, u64) {
     let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
@@ -144,11 +144,13 @@ fn a_sensor_that_lies_or_falls_silent_is_left() {
 
 /// Bad samples now and then, each time fewer than end a session and together more: the last correction is held, and every one is counted.
 #[test]
-fn a_sensor_that_lies_for_a_moment_is_borne() {
+fn short_bursts_of_bad_samples_are_tolerated() {
     const BURST: u64 = 90;
-    let is_bad = |tick: u64| tick > 2_000 && tick % 500 < BURST;
+    const fn is_bad(tick: u64) -> bool {
+        tick > 2_000 && tick % 500 < BURST
+    }
     let lie: Lie = |tick| {
-        let wrench = if tick > 2_000 && tick % 500 < BURST { [f64::NAN; 6] } else { honest(tick).wrench };
+        let wrench = if is_bad(tick) { [f64::NAN; 6] } else { honest(tick).wrench };
         Some(Sample { tick, wrench })
     };
     let (result, obtained, last) = session(lie, 6_000);

@@ -3,9 +3,7 @@
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 
-use gantry_tau_core::control::axis::Reference;
-use gantry_tau_core::control::message::{AxisState, State};
-use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::Epoch;
 use tracing_subscriber::fmt::MakeWriter;
 
 use super::*;
@@ -41,38 +39,7 @@ struct Server {
 
 impl Server {
     fn new() -> Self {
-        let state = State {
-            tick: Tick(0),
-            epoch: Epoch(0),
-            accepted: Sequence(0),
-            phase: Phase::Listening,
-            cause: Cause::None,
-            on_time_of_100: 100,
-            arrival_us: 0,
-            ramp_ticks_left: 0,
-            counters: Counters::default(),
-            axes: [AxisState::default()],
-        };
-        let row = Row {
-            state,
-            references: [Reference {
-                position: PositionNm(0),
-                velocity_offset: VelocityUmS(0),
-                torque_offset: TorquePermille(0),
-            }],
-            tool: None,
-            ended: None,
-            welcomed: false,
-            refused: 0,
-            elapsed: 1,
-            round_trip_us: None,
-            plant_failed: false,
-            failure: None,
-            drives: None,
-            latched: false,
-            latch_lost: false,
-        };
-        Self { log: EventLog::default(), row, lines: Lines::default() }
+        Self { log: EventLog::default(), row: Row::listening(), lines: Lines::default() }
     }
 
     /// Shows the log a tick, changed for this tick alone by `once`.
@@ -221,11 +188,11 @@ fn strangers_cannot_silence_the_machine_nor_a_stop() {
     }
     let refused = server.said();
     assert_eq!(refused.len(), 21, "{refused:?}");
-    // The ramp of an earlier server is nobody's doing.
+    // No client of this server has caused the ramp of an earlier one.
     server.phase(Phase::SafeDisconnect);
     server.phase(Phase::Listening);
     assert_eq!(server.said(), ["INFO 101: Listening -> SafeDisconnect", "INFO 102: SafeDisconnect -> Listening"]);
-    // A session without a command is.
+    // A session without a command is caused by a stranger.
     server.tick(|row| row.welcomed = true);
     server.phase(Phase::Handshake);
     assert!(server.said().is_empty());

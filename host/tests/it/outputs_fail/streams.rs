@@ -211,7 +211,7 @@ fn of_a_monitor() {
     });
 }
 
-/// Without a recording nobody wants a monitor whose reader has ended.
+/// A monitor without a recording ends with its reader.
 #[test]
 fn of_a_monitor_alone_end_it() {
     for form in [[].as_slice(), &["--status", "--every", "0.05"]] {

@@ -44,7 +44,7 @@ fn robot(drives: &str) -> RobotFile<L2, N> {
     *robot
 }
 
-/// How positions are reported.
+/// Report of positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Misread {
     #[default]

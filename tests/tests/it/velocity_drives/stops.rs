@@ -296,7 +296,7 @@ fn a_rearm_away_from_the_axis_moves_nothing_and_names_the_reason() {
     }
 }
 
-/// Whatever is not known to be in force is not followed, re-armed or not.
+/// The loops stand while the values in force are unknown, re-armed or not.
 #[test]
 fn a_rearm_while_what_is_in_force_is_unknown_moves_nothing() {
     let mut server = Server::moving();
