@@ -25,6 +25,7 @@ pub mod windows;
 
 use crate::elastic::ElasticError;
 use crate::measurements::FileError;
+use crate::output::Name;
 
 /// Reason why a campaign cannot be measured.
 #[derive(Debug, thiserror::Error)]
@@ -39,7 +40,7 @@ pub enum ExperimentError {
     #[error("pose {pose}: {reason}")]
     Pose {
         /// Its name.
-        pose: String,
+        pose: Name,
         /// The reason.
         reason: String,
     },
@@ -47,7 +48,7 @@ pub enum ExperimentError {
     #[error("series {series}, {level_n} N: {error}")]
     Load {
         /// Series.
-        series: String,
+        series: Name,
         /// Level, N.
         level_n: f64,
         /// The elastic model's error.

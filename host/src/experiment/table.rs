@@ -8,8 +8,8 @@ use nalgebra::Vector6;
 use super::ExperimentError;
 use crate::measurements::plan::Plan;
 use crate::measurements::springs::{LOAD, windows_of};
-use crate::measurements::table::present_name;
-use crate::output::GrowingFile;
+use crate::measurements::table::{columns, row};
+use crate::output::{GrowingFile, Name};
 
 /// A window as it was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,8 +48,8 @@ pub fn header<const N: usize>(plan: &Plan<N>, has_sds: bool) -> Vec<String> {
 
 /// Name of a window: the number of its level, from 1.
 #[must_use]
-pub fn window_name(level: usize) -> String {
-    (level + 1).to_string()
+pub fn window_name(level: usize) -> Name {
+    Name::made(level + 1)
 }
 
 impl<const N: usize> Row<N> {
@@ -58,9 +58,8 @@ impl<const N: usize> Row<N> {
     pub fn names(plan: &Plan<N>, series: usize, level: usize) -> Vec<String> {
         let planned = &plan.series[series];
         let (pose, _) = &plan.poses[planned.pose];
-        let names = [&planned.name, &plan.mountings[planned.mounting], pose].map(Clone::clone);
-        let stroke = planned.strokes()[level].to_string();
-        names.into_iter().chain([window_name(level), stroke]).collect()
+        let names = [&planned.name, &plan.mountings[planned.mounting], pose, &window_name(level)].map(Name::to_string);
+        names.into_iter().chain([planned.strokes()[level].to_string()]).collect()
     }
 
     /// The values, in the order of the header.
@@ -85,7 +84,7 @@ pub struct Table {
     /// The header, until it is written before the first row.
     header: Option<Vec<String>>,
     has_sds: bool,
-    taken: HashSet<(String, String)>,
+    taken: HashSet<(Name, Name)>,
     last_s: f64,
 }
 
@@ -110,10 +109,8 @@ impl Table {
         }
         let (mut taken, mut last_s) = (HashSet::new(), 0.0);
         if rows > 0 {
-            let columns = old.lines().next().unwrap_or_default().split(',').map(str::trim);
-            let found: Vec<String> = columns.map(present_name).collect();
-            if found != expected {
-                return Err(failed(format!("its columns are not those of this plan: {}", expected.join(","))));
+            if columns(old.lines().next().unwrap_or_default()) != expected {
+                return Err(failed(format!("its columns are not those of this plan: {}", row(&expected).trim_end())));
             }
             if !old.ends_with('\n') {
                 return Err(failed("its last row is not whole; remove that row".to_owned()));

@@ -11,7 +11,9 @@ use super::ExperimentError;
 use crate::geometry::f1::forward;
 use crate::geometry::l2::Nominal;
 use crate::measurements::poses::{Noise, PlannedPose, PosesPlan};
+use crate::measurements::table;
 use crate::model::{F1, L2, MachineKind};
+use crate::output::Name;
 use crate::robot_file::RobotFile;
 
 /// Stream of the seeded generator, apart from those of springs, sensor and gauges.
@@ -104,13 +106,13 @@ pub fn track<K: TrackedMachine<N>, const N: usize>(
     generator.set_stream(TRACKER_STREAM);
     let mut draw = || -> f64 { StandardNormal.sample(&mut generator) };
     let off_m = robot.simulation.geometry_mm * 1e-3;
-    let refused = |pose: &str, reason: String| ExperimentError::Pose { pose: pose.to_owned(), reason };
+    let refused = |pose: &Name, reason: String| ExperimentError::Pose { pose: pose.clone(), reason };
     let mut device_part = |size: f64| Vector3::new(draw(), draw(), draw()) * size;
     let device = Isometry3::from_parts(
         Translation3::from(device_part(DEVICE_M)),
         UnitQuaternion::from_scaled_axis(device_part(DEVICE_RAD)),
     );
-    let machine = robot.model.off(off_m, &mut draw).map_err(|reason| refused("of the machine", reason))?;
+    let machine = robot.model.off(off_m, &mut draw).map_err(|reason| refused(&Name::made("of the machine"), reason))?;
     // Lower triangular: without a stated noise of rotations, places have their own.
     let root = noise.covariance(&Matrix3::identity()).cholesky().map_or_else(Matrix6::zeros, |factor| factor.l());
     let mut table = plan.header::<N>();
@@ -125,13 +127,13 @@ pub fn track<K: TrackedMachine<N>, const N: usize>(
         drawn.iter_mut().take(if noise.rotation_rad2.is_some() { 6 } else { 3 }).for_each(|value| *value = draw());
         let off = root * drawn;
         let place = seen.translation.vector + off.fixed_rows::<3>(0);
-        let mut row = vec![planned.name.clone()];
+        let mut row = vec![planned.name.to_string()];
         row.extend(q.iter().chain(place.iter()).map(|number| format!("{number:?}")));
         if noise.rotation_rad2.is_some() {
             let turn = UnitQuaternion::from_scaled_axis(off.fixed_rows::<3>(3).into_owned()) * seen.rotation;
             row.extend([turn.w, turn.i, turn.j, turn.k].map(|part| format!("{part:?}")));
         }
-        table += &(row.join(",") + "\n");
+        table += &table::row(&row);
     }
     Ok(table)
 }

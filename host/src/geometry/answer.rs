@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::fit::answer::{Parameter, Unobservable};
+use crate::output::Name;
 
 /// First field of an answer.
 pub const FORMAT: &str = "gantry-tau calibrated 1";
@@ -11,7 +12,7 @@ pub const FORMAT: &str = "gantry-tau calibrated 1";
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Outlier {
     /// Its name.
-    pub pose: String,
+    pub pose: Name,
 }
 
 /// Answer of a calibration; `M` is the machine in one frame.

@@ -13,11 +13,13 @@ pub mod parallel;
 use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::output::Name;
+
 /// A pose that a device outside of the robot has measured, in the axes of the device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredPose<const N: usize> {
     /// Its name in the file.
-    pub name: String,
+    pub name: Name,
     /// Positions of the axes, q-units.
     pub q: [f64; N],
     /// Place of the target, m.

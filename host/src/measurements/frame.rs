@@ -7,6 +7,7 @@ use serde::Deserialize;
 
 use super::{FileError, setup};
 use crate::geometry::frames::{apply, rigid};
+use crate::output::Name;
 
 /// First line of a file of points.
 pub const FORMAT: &str = "gantry-tau frame 1";
@@ -27,7 +28,7 @@ struct FrameFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PointEntry {
-    name: String,
+    name: Name,
     robot_m: [f64; 3],
     measured_m: [f64; 3],
 }

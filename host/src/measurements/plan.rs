@@ -7,10 +7,13 @@ use nalgebra::Vector3;
 
 use super::springs::{MOST, NamedGauge, Noise, Refused, SeriesEntry, Setup, SetupNoise, check_wrist, read_setup};
 use super::{FileError, MAX_ROWS};
-use crate::output::check_name;
+use crate::output::{MAX_NAME, Name};
 
 /// Farthest hook from the tool centre point, m.
 const FARTHEST_M: f64 = 10.0;
+
+/// Longest name of a series of a plan, characters: room for the number that [`Plan::remount`] adds.
+const MAX_SERIES_NAME: usize = MAX_NAME - 11;
 
 /// A plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,11 +27,11 @@ pub struct Plan<const N: usize> {
     /// Uncertainty of the set-up.
     pub setup: SetupNoise,
     /// Poses, with their names.
-    pub poses: Vec<(String, Pose)>,
+    pub poses: Vec<(Name, Pose)>,
     /// Gauges.
     pub gauges: Vec<NamedGauge>,
     /// Names of the mountings.
-    pub mountings: Vec<String>,
+    pub mountings: Vec<Name>,
     /// Series, in order.
     pub series: Vec<PlannedSeries>,
 }
@@ -37,7 +40,7 @@ pub struct Plan<const N: usize> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedSeries {
     /// Its name.
-    pub name: String,
+    pub name: Name,
     /// Pose, by index.
     pub pose: usize,
     /// Mounting, by index.
@@ -124,10 +127,10 @@ impl<const N: usize> Plan<N> {
 
     /// Name of the series that [`remount`](Self::remount) adds.
     #[must_use]
-    pub fn name_again(&self, series: usize) -> String {
+    pub fn name_again(&self, series: usize) -> Name {
         let name = self.series.get(series).map_or("", |planned| &planned.name);
         let (base, count) = remounted(name).unwrap_or((name, 1));
-        format!("{base}.{}", count.saturating_add(1))
+        Name::made(format_args!("{base}.{}", count.saturating_add(1)))
     }
 
     /// Checks that the angles of the wrist are those of a wrist with `joints` joints; `path` names the set-up.
@@ -143,8 +146,12 @@ impl<const N: usize> Plan<N> {
         if self.series.iter().any(|series| series.name == entry.name) {
             return Err(refused("name", "stands twice".to_owned()));
         }
-        for (key, name) in [("name", &entry.name), ("mounting", &entry.mounting)] {
-            check_name(name).map_err(|error| refused(key, error.to_string()))?;
+        let length = entry.name.chars().count();
+        if length > MAX_SERIES_NAME {
+            let reason = format!(
+                "has {length} characters; {MAX_SERIES_NAME} are possible: a series that is mounted anew gets a number"
+            );
+            return Err(refused("name", reason));
         }
         let Some(pose) = self.poses.iter().position(|(name, _)| *name == entry.pose) else {
             return Err(refused("pose", format!("{:?} is not in the set-up", entry.pose)));

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use super::table::{self, Row, Table};
 use super::{FileError, setup};
 use crate::geometry::MeasuredPose;
-use crate::output::check_name;
 
 mod plan;
 
@@ -193,8 +192,7 @@ fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<MeasuredPose<N>
     }
     let mut names = std::collections::HashSet::new();
     table.rows(|row| {
-        let name = row.text("pose").to_owned();
-        check_name(&name).map_err(|error| row.error("pose", error))?;
+        let name = row.name("pose")?;
         if !names.insert(name.clone()) {
             return Err(row.error("pose", format_args!("{name:?} stands twice")));
         }

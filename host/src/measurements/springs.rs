@@ -8,6 +8,7 @@ use nalgebra::{SVector, Vector6};
 
 use super::plan::before_remount;
 use super::{FileError, setup, table};
+use crate::output::Name;
 
 mod plan;
 mod setup_file;
@@ -41,7 +42,7 @@ pub struct Window<const N: usize> {
     /// Pose, by index.
     pub pose: usize,
     /// Name or number of the window in its series.
-    pub window: String,
+    pub window: Name,
     /// 1 rising, -1 falling, 0 start.
     pub stroke: i8,
     /// Positions of the axes, q-units.
@@ -74,13 +75,13 @@ pub struct Campaign<const N: usize> {
     /// Uncertainty of the set-up.
     pub setup: SetupNoise,
     /// Poses, with their names.
-    pub poses: Vec<(String, Pose)>,
+    pub poses: Vec<(Name, Pose)>,
     /// Gauges.
     pub gauges: Vec<NamedGauge>,
     /// Names of the series.
-    pub series: Vec<String>,
+    pub series: Vec<Name>,
     /// Names of the mountings.
-    pub mountings: Vec<String>,
+    pub mountings: Vec<Name>,
     /// The windows.
     pub windows: Vec<Window<N>>,
     /// The plan, if the set-up is one.
@@ -94,7 +95,7 @@ impl<const N: usize> Campaign<N> {
         table: &Path,
         crc: u32,
         metres_per_q: &[f64; N],
-        [series, mountings]: [Vec<String>; 2],
+        [series, mountings]: [Vec<Name>; 2],
         windows: Vec<Window<N>>,
     ) -> Self {
         let Setup { noise, setup, poses, gauges, plan, .. } = setup;
@@ -117,7 +118,7 @@ impl<const N: usize> Campaign<N> {
     /// Angles of the wrist in a series, by its name or by that of the series of the plan that it is mounted anew of; rad. Empty: at zero.
     #[must_use]
     pub fn wrist_rad(&self, series: &str) -> &[f64] {
-        let planned = |name: &str| self.plan.iter().find(|entry| entry.name == name);
+        let planned = |name: &str| self.plan.iter().find(|entry| entry.name == *name);
         planned(series).or_else(|| planned(before_remount(series))).map_or(&[], |entry| &entry.wrist_rad)
     }
 
@@ -126,9 +127,9 @@ impl<const N: usize> Campaign<N> {
     /// # Errors
     /// [`FileError`], naming the series.
     pub fn check_wrist(&self, path: &Path, joints: usize) -> Result<(), FileError> {
-        let is_planned = |name: &str| self.plan.iter().any(|entry| entry.name == name);
+        let is_planned = |name: &str| self.plan.iter().any(|entry| entry.name == *name);
         let is_unknown = |window: &&Window<N>| {
-            let name = self.series.get(window.series).map_or("", String::as_str);
+            let name = self.series.get(window.series).map_or("", |name| name);
             !is_planned(name) && !is_planned(before_remount(name))
         };
         let is_turned = self.plan.iter().any(|entry| !entry.wrist_rad.is_empty());

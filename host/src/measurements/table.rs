@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::FileError;
+use crate::output::Name;
 
 /// Largest number of rows of a table.
 pub const MAX_ROWS: usize = 100_000;
@@ -41,8 +42,22 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     Ok(bytes)
 }
 
+/// Returns a row of a table, quoted where it must be.
+pub(crate) fn row(fields: &[String]) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    // In memory, of one length, from UTF-8: nothing can fail.
+    let written = writer.write_record(fields).ok().and_then(|()| writer.into_inner().ok());
+    written.and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default()
+}
+
+/// Returns the columns that the header of a table has, by their present names.
+pub(crate) fn columns(header: &str) -> Vec<String> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(header.as_bytes());
+    reader.headers().map_or_else(|_| Vec::new(), |columns| columns.iter().map(present_name).collect())
+}
+
 /// Returns the present name of a column: until version 0.1 moments ended in `_nm`, which is nanometres elsewhere.
-pub(crate) fn present_name(column: &str) -> String {
+fn present_name(column: &str) -> String {
     let axis = column.strip_prefix("sensor_").unwrap_or(column).strip_prefix("moment_");
     match axis.and_then(|axis| axis.strip_suffix("_nm")) {
         Some("x" | "y" | "z") => column.trim_end_matches("_nm").to_owned() + "_n_m",
@@ -151,6 +166,16 @@ impl Row<'_> {
     /// Returns the text of a column, by its index; empty where there is none.
     pub(crate) fn text_at(&self, place: usize) -> &str {
         self.record.get(place).unwrap_or_default()
+    }
+
+    /// Returns the name in a column.
+    pub(super) fn name(&self, column: &str) -> Result<Name, FileError> {
+        self.text(column).parse().map_err(|error| self.error(column, error))
+    }
+
+    /// Returns the name in a column, by its index.
+    pub(crate) fn name_at(&self, place: usize) -> Result<Name, FileError> {
+        self.text_at(place).parse().map_err(|error| self.error_at(place, error))
     }
 
     /// Returns a number from `-most` to `most`.

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::springs::{LOAD, MOST, NOISE, axis_columns};
 use super::table::{self, Table};
 use super::{FileError, setup};
-use crate::output::check_name;
+use crate::output::Name;
 
 /// First line of a set-up.
 pub const FORMAT: &str = "gantry-tau tool 1";
@@ -40,7 +40,7 @@ pub struct ToolReading<const N: usize> {
     /// Line of the table.
     pub line: u64,
     /// Name of the pose.
-    pub name: String,
+    pub name: Name,
     /// Positions of the axes, q-units.
     pub q: [f64; N],
     /// Reading, untared, sensor axes, about the sensor's origin.
@@ -117,8 +117,7 @@ fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<ToolReading<N>>
     let mut names = HashSet::new();
     Table::begin(path, bytes, &required, |_| false)?.rows(|row| {
         let [most_q, _, most_n, most_nm, _] = MOST;
-        let name = row.text("pose").to_owned();
-        check_name(&name).map_err(|error| row.error("pose", error))?;
+        let name = row.name("pose")?;
         if !names.insert(name.clone()) {
             return Err(row.error("pose", format_args!("{name:?} stands twice")));
         }

@@ -13,6 +13,7 @@ use super::recorded::Tap;
 use super::snapshot::{MachineName, Snapshot};
 use crate::dial::{self, Addresses, NEVER};
 use crate::labcomm::Incoming;
+use crate::output::printable;
 use crate::publication::Machine;
 use crate::server::event_log::EventKind;
 
@@ -236,7 +237,7 @@ fn take(
             } else if event.kind == EventKind::RowsLost.code() {
                 assembly.rows_lost();
             }
-            let text = printable(event.text.as_bytes());
+            let text = text(event.text.as_bytes());
             happened.push(Happened { tick: event.tick, kind: event.kind, code: event.cause, text });
         }
         // Taken before.
@@ -253,10 +254,10 @@ fn machine_name(value: &Value<'_, '_>) -> Result<MachineName, StreamError> {
     let machine: Machine = value.read().map_err(|_| StreamError::LongText { name: Kind::Machine.name() })?;
     let kinematics =
         u32::try_from(machine.kinematics).map_err(|_| StreamError::OtherType { name: Kind::Machine.name() })?;
-    Ok(MachineName { name: printable(machine.name.as_bytes()), kinematics, lockstep: machine.lockstep != 0 })
+    Ok(MachineName { name: text(machine.name.as_bytes()), kinematics, lockstep: machine.lockstep != 0 })
 }
 
-/// Text of a server: bytes that are not UTF-8 are replaced, control characters removed.
-fn printable(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).chars().filter(|letter| !letter.is_control()).collect()
+/// Text of a server, on one line.
+fn text(bytes: &[u8]) -> String {
+    printable(&String::from_utf8_lossy(bytes))
 }

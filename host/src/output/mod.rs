@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 pub use growing::GrowingFile;
 pub use kind::Kind;
-pub use name::{MAX_NAME, NameError, check_name, printable};
+pub use name::{MAX_NAME, Name, NameError, printable};
 use place::Place;
 
 /// Reason why a file is not written.

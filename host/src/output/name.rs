@@ -1,5 +1,12 @@
 //! Names that may stand in tables, on terminals and in file names.
 
+use std::borrow::Borrow;
+use std::fmt;
+use std::ops::Deref;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
 /// Longest name, characters.
 pub const MAX_NAME: usize = 64;
 
@@ -20,22 +27,89 @@ pub enum NameError {
     Formula(char),
 }
 
-/// Checks a name: printable, not empty, at most [`MAX_NAME`] characters, without `=`, `+`, `-` or `@` at its start.
-///
-/// # Errors
-/// [`NameError`].
-pub fn check_name(text: &str) -> Result<(), NameError> {
-    let length = text.chars().count();
-    if length > MAX_NAME {
-        return Err(NameError::Long(length));
+/// Name that a user gives: of a series, a pose, a gauge. Printable, not empty, at most [`MAX_NAME`] characters, without `=`, `+`, `-` or `@` at
+/// its start. It may have commas and quotation marks: tables are written by a writer of CSV.
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Name(String);
+
+impl Name {
+    /// The text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
     }
-    if let Some(bad) = text.chars().find(|letter| !is_printable(*letter)) {
-        return Err(NameError::Unprintable(bad));
+
+    /// Returns the name of something that this program names itself: what may not stand in a name becomes `_`, what is too long is cut.
+    pub(crate) fn made(text: impl fmt::Display) -> Self {
+        let text = text.to_string();
+        let cut = text.chars().take(MAX_NAME).map(|letter| if is_printable(letter) { letter } else { '_' });
+        let mut name: String = cut.collect();
+        if name.is_empty() || name.starts_with(is_formula) {
+            name = format!("_{}", name.get(1..).unwrap_or_default());
+        }
+        Self(name)
     }
-    match text.chars().next() {
-        None => Err(NameError::Empty),
-        Some(first) if "=+-@".contains(first) => Err(NameError::Formula(first)),
-        Some(_) => Ok(()),
+}
+
+impl FromStr for Name {
+    type Err = NameError;
+
+    fn from_str(text: &str) -> Result<Self, NameError> {
+        let length = text.chars().count();
+        if length > MAX_NAME {
+            return Err(NameError::Long(length));
+        }
+        if let Some(bad) = text.chars().find(|letter| !is_printable(*letter)) {
+            return Err(NameError::Unprintable(bad));
+        }
+        match text.chars().next() {
+            None => Err(NameError::Empty),
+            Some(first) if is_formula(first) => Err(NameError::Formula(first)),
+            Some(_) => Ok(Self(text.to_owned())),
+        }
+    }
+}
+
+/// For files: the message names the text that is no name.
+impl TryFrom<String> for Name {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse().map_err(|error| format!("name {text:?}: {error}"))
+    }
+}
+
+impl Deref for Name {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        self.as_str()
+    }
+}
+
+impl Borrow<str> for Name {
+    fn borrow(&self) -> &str {
+        self
+    }
+}
+
+impl PartialEq<str> for Name {
+    fn eq(&self, other: &str) -> bool {
+        **self == *other
+    }
+}
+
+/// As of the text.
+impl fmt::Debug for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self)
     }
 }
 
@@ -50,6 +124,11 @@ pub fn printable(text: &str) -> String {
         }
         shown
     })
+}
+
+/// True for a letter that makes a formula of a cell.
+fn is_formula(first: char) -> bool {
+    "=+-@".contains(first)
 }
 
 /// False for control characters, ends of lines, and marks that turn the direction of a text.

@@ -170,15 +170,29 @@ fn an_input_is_known_through_links() {
 
 #[test]
 fn names_are_printable_short_and_no_formula() {
-    for name in ["x", "pz1", "my L2", "Grün", "a=b", "a-1"] {
-        check_name(name).unwrap();
+    for name in ["x", "pz1", "my L2", "Grün", "a=b", "a-1", "hook 1, x", "a;\"b\"", &"x".repeat(MAX_NAME)] {
+        let read: Name = name.parse().unwrap();
+        assert_eq!((read.as_str(), &Name::made(name)), (name, &read));
     }
-    for name in
-        ["", "=cmd|' /C calc'!A0", "+1", "-1", "@sum", "a\0", "a\nb", "\u{1b}[2J", "a\tb", "a\u{202e}b", "\u{85}"]
-    {
-        check_name(name).unwrap_err();
+    let too_long = "x".repeat(MAX_NAME + 1);
+    let wrong = [
+        ("", NameError::Empty, "_"),
+        ("=cmd|' /C calc'!A0", NameError::Formula('='), "_cmd|' /C calc'!A0"),
+        ("+1", NameError::Formula('+'), "_1"),
+        ("-1", NameError::Formula('-'), "_1"),
+        ("@sum", NameError::Formula('@'), "_sum"),
+        ("a\0", NameError::Unprintable('\0'), "a_"),
+        ("a\nb", NameError::Unprintable('\n'), "a_b"),
+        ("\u{1b}[2J", NameError::Unprintable('\u{1b}'), "_[2J"),
+        ("a\tb", NameError::Unprintable('\t'), "a_b"),
+        ("a\u{202e}b", NameError::Unprintable('\u{202e}'), "a_b"),
+        ("\u{85}", NameError::Unprintable('\u{85}'), "_"),
+        (&too_long, NameError::Long(MAX_NAME + 1), &too_long[1..]),
+    ];
+    for (text, error, made) in wrong {
+        assert_eq!(text.parse::<Name>().unwrap_err(), error, "{text:?}");
+        // What the program makes of it is a name.
+        assert_eq!(made.parse(), Ok(Name::made(text)), "{text:?}");
     }
-    check_name(&"x".repeat(MAX_NAME)).unwrap();
-    check_name(&"x".repeat(MAX_NAME + 1)).unwrap_err();
     assert_eq!(printable("a\u{1b}[2Jb\n"), "a\\u{1b}[2Jb\\n");
 }

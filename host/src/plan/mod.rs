@@ -35,6 +35,7 @@ use gantry_tau_core::model::l2;
 
 use crate::elastic::ElasticError;
 use crate::measurements::{self, FileError};
+use crate::output::Name;
 use crate::robot_file::{RobotFile, RobotFileError};
 
 /// Reason why there is no plan.
@@ -63,7 +64,7 @@ pub enum PlanError {
         /// The plan, or the robot file.
         plan: String,
         /// Name of the series.
-        series: String,
+        series: Name,
         /// Error of the elastic model.
         error: ElasticError,
     },

@@ -17,6 +17,7 @@ use crate::elastic::ElasticError;
 use crate::fit::statistics::float;
 use crate::measurements::springs::{NamedGauge, Noise, SeriesEntry, Setup};
 use crate::model::MachineKind;
+use crate::output::Name;
 use crate::robot_file::RobotFile;
 use crate::springs::compliances::Springs;
 use crate::springs::gauge::{Body, Gauge};
@@ -90,11 +91,11 @@ impl SpringsOptions {
 pub fn default_gauges<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<NamedGauge> {
     let body = if robot.wrist.is_empty() { Body::Platform } else { Body::Tool };
     let faces = FACE_GAUGES.map(|(name, point_m, axis)| NamedGauge {
-        name: name.to_owned(),
+        name: Name::made(name),
         gauge: Gauge::Face { body, point_m: point_m.into(), axis: axis.into() },
     });
     let axes = robot.metres_per_q.iter().enumerate().map(|(axis, metres_per_q)| NamedGauge {
-        name: format!("axis{}", axis + 1),
+        name: Name::made(format_args!("axis{}", axis + 1)),
         gauge: Gauge::Axis { axis, metres_per_q: *metres_per_q },
     });
     faces.into_iter().chain(axes).collect()
@@ -207,7 +208,7 @@ fn planned<K: MachineKind<N>, const N: usize>(
     }
     if options.around_jump {
         let (strap, levels_n) = around_jump(robot, &bench, &stands[order[0]], options.force_max_n)?;
-        setup.push_named(JUMP.to_owned(), 0, &strap, levels_n);
+        setup.push_named(Name::made(JUMP), 0, &strap, levels_n);
     }
     Ok(setup)
 }
@@ -216,23 +217,23 @@ fn round_n(force_n: f64) -> f64 {
     (force_n * 10.0).round() / 10.0
 }
 
-pub(super) fn pose_entry<const N: usize>(index: usize, stand: &Stand<N>) -> (String, Pose) {
+pub(super) fn pose_entry<const N: usize>(index: usize, stand: &Stand<N>) -> (Name, Pose) {
     let rounded = stand.tool_m.map(|coordinate| (coordinate * 1e6).round() / 1e6);
-    (format!("p{}", index + 1), Pose::at(rounded))
+    (Name::made(format_args!("p{}", index + 1)), Pose::at(rounded))
 }
 
 impl Setup {
     /// Adds a series at a pose, with all gauges.
     pub(super) fn push(&mut self, pose: usize, strap: &Strap, levels_n: Vec<f64>) {
-        let name = format!("s{}", self.plan.len() + 1);
+        let name = Name::made(format_args!("s{}", self.plan.len() + 1));
         self.push_named(name, pose, strap, levels_n);
     }
 
-    pub(super) fn push_named(&mut self, name: String, pose: usize, strap: &Strap, levels_n: Vec<f64>) {
+    pub(super) fn push_named(&mut self, name: Name, pose: usize, strap: &Strap, levels_n: Vec<f64>) {
         self.plan.push(SeriesEntry {
             name,
             pose: self.poses[pose].0.clone(),
-            mounting: format!("gauges at {}", self.poses[pose].0),
+            mounting: Name::made(format_args!("gauges at {}", self.poses[pose].0)),
             hook_m: strap.hook_m.into(),
             direction: strap.direction.into(),
             levels_n,
@@ -291,7 +292,7 @@ pub fn judge<K: MachineKind<N>, const N: usize>(
         let found = bench.series(&stand, &strap, &entry.levels_n, &gauges, &entry.wrist_rad).map_err(failed)?;
         series.push(Predicted { displacement_m: found.displacement_m, largest_m: found.largest_m });
         // What it tells of the springs, the play takes.
-        if entry.name == JUMP {
+        if entry.name == *JUMP {
             continue;
         }
         let first = rows.nrows();
@@ -335,7 +336,7 @@ fn stand_of<K: MachineKind<N>, const N: usize>(
 }
 
 fn minutes(setup: &Setup) -> Minutes {
-    let mut poses: Vec<&String> = setup.plan.iter().map(|series| &series.pose).collect();
+    let mut poses: Vec<&Name> = setup.plan.iter().map(|series| &series.pose).collect();
     poses.dedup();
     let mut straps: Vec<_> = setup.plan.iter().map(|series| (&series.pose, series.hook_m, series.direction)).collect();
     straps.dedup();

@@ -8,6 +8,7 @@ use super::springs::{SpringsOptions, default_gauges, pose_entry, springs, stand_
 use super::{PlanError, Written};
 use crate::measurements::springs::Setup;
 use crate::model::MachineKind;
+use crate::output::Name;
 use crate::robot_file::RobotFile;
 use crate::springs::compliances::Springs;
 use crate::springs::gauge::Gauge;
@@ -49,7 +50,7 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
         plan: Vec::new(),
     };
     let faces = setup.gauges.iter().filter(|named| matches!(named.gauge, Gauge::Face { .. }));
-    let faces: Vec<String> = faces.map(|named| named.name.clone()).collect();
+    let faces: Vec<Name> = faces.map(|named| named.name.clone()).collect();
     let straps = spread_straps(robot, &bench, &setup.gauges, options)?;
     for (stand, strap) in &straps {
         let entry = pose_entry(setup.poses.len(), stand);
@@ -61,7 +62,7 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
         let levels_n = LEVELS.map(|share| share * options.force_max_n).to_vec();
         for compensated in [false, true] {
             let state = if compensated { "on" } else { "off" };
-            setup.push_named(format!("v{number} {state}"), pose, strap, levels_n.clone());
+            setup.push_named(Name::made(format_args!("v{number} {state}")), pose, strap, levels_n.clone());
             let Some(entry) = setup.plan.last_mut() else { continue };
             entry.compensated = compensated;
             // A gauge on a cart would show the offset beside the displacement by its spring.
@@ -155,7 +156,7 @@ fn summary<K: MachineKind<N>, const N: usize>(
         vec![format!("{:<8} {:>30} {:>16} {:>16}", "strap", "tool centre point, m", "displacement", "expected rest")];
     for (index, (stand, strap)) in straps.iter().enumerate() {
         let load = strap.load(options.force_max_n);
-        let name = format!("v{}", index + 1);
+        let name = Name::made(format_args!("v{}", index + 1));
         let failed = |error| PlanError::Series { plan: robot.name.clone(), series: name.clone(), error };
         let moved_um = 1e6 * bench.moved_m(stand, &load).map_err(failed)?;
         let rest = match &covariance {

@@ -110,8 +110,15 @@ pub fn drain<T>(rows: &mut rtrb::Consumer<T>, mut each: impl FnMut(&T, bool)) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::OpenOptions;
+    use std::io::Read;
+    use std::os::unix::fs::OpenOptionsExt;
+    use std::process::Command;
+
     use super::*;
     use crate::robot_file::RobotFile;
+    use crate::server::cycle::Row;
+    use crate::terminal::logged::logged;
 
     #[test]
     fn rows_that_were_dropped_before_are_lost_rows() {
@@ -124,5 +131,39 @@ mod tests {
         let recorded = recorder.finish(3).unwrap();
         assert_eq!((recorded.written, recorded.lost, recorded.failure), (0, 3, None));
         assert!(!path.exists(), "no row, no file");
+    }
+
+    /// A pipe whose reader takes nothing until the end.
+    #[test]
+    fn the_first_row_that_is_dropped_is_told_once() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let path = std::env::temp_dir().join(format!("gantry-tau-blocked-{}.csv", std::process::id()));
+        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+        let mut reader = OpenOptions::new().read(true).custom_flags(nonblocking).open(&path).unwrap();
+        let to: RecordTo = path.to_str().unwrap().parse().unwrap();
+        let mut recorder = Recorder::start(Recording::create::<Row<3>, _>(&to, &robot).unwrap()).unwrap();
+        let mut push = |until: u64| {
+            let pushed = || {
+                while recorder.dropped < until {
+                    recorder.push(Row::<3>::listening(), Vec::new());
+                }
+            };
+            logged(pushed).1
+        };
+        let first = push(1);
+        assert!(
+            first.contains(" WARN ") && first.contains(&format!("its disk does not take {QUEUE} rows in time")),
+            "{first}"
+        );
+        assert_eq!((first.lines().count(), push(100)), (1, String::new()));
+        assert!(recorder.loses_rows());
+        let finishing = std::thread::spawn(move || recorder.finish(0));
+        while !finishing.is_finished() {
+            let _read = reader.read(&mut [0; 65_536]);
+        }
+        std::fs::remove_file(&path).unwrap();
+        let recorded = finishing.join().unwrap().unwrap();
+        assert!(recorded.written >= 8_192 && recorded.lost == 100, "{recorded:?}");
     }
 }

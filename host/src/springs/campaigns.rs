@@ -14,6 +14,7 @@ use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::measurements::springs::{Campaign, Noise, SeriesEntry, SetupNoise, Window};
 use crate::model::{L2, MachineKind};
+use crate::output::Name;
 use crate::plan::springs::default_gauges;
 use crate::robot_file::{RobotFile, WristJoint};
 
@@ -74,7 +75,7 @@ impl<const N: usize> Bench<N> {
                     series,
                     mounting: series,
                     pose: strap.pose,
-                    window: window.to_string(),
+                    window: Name::made(window),
                     stroke: if window <= first_top { 1 } else { -1 },
                     q,
                     load: Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z),
@@ -86,7 +87,7 @@ impl<const N: usize> Bench<N> {
             }
         }
         let poses = places.iter().map(|place| gantry_tau_core::model::kinematics::Pose::at(Vector3::from(*place)));
-        let series: Vec<String> = (0..straps.len()).map(|series| series.to_string()).collect();
+        let series: Vec<Name> = (0..straps.len()).map(Name::made).collect();
         let campaign = Campaign {
             table: String::new(),
             crc: 0,
@@ -94,7 +95,7 @@ impl<const N: usize> Bench<N> {
             noise,
             is_noise_stated: true,
             setup: SetupNoise::default(),
-            poses: poses.map(|pose| (String::new(), pose)).collect(),
+            poses: poses.map(|pose| (Name::made(""), pose)).collect(),
             gauges,
             mountings: series.clone(),
             series,
@@ -125,7 +126,7 @@ impl<const N: usize> Bench<N> {
         self.campaign.plan = turned
             .map(|series| SeriesEntry {
                 name: series.clone(),
-                pose: String::new(),
+                pose: Name::made(""),
                 mounting: series.clone(),
                 hook_m: [0.0; 3],
                 direction: [1.0, 0.0, 0.0],

@@ -5,6 +5,7 @@ use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::regular_file::{self, Access};
+use crate::output::printable;
 
 /// An exclusive lock; released when it is dropped. Its file stays: a file that was removed could be locked twice.
 #[derive(Debug)]
@@ -47,7 +48,7 @@ fn owner_of(path: &Path) -> String {
         let text = read().unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
         if let Some(line) = text.lines().next() {
-            return line.chars().map(|sign| if sign.is_control() { '?' } else { sign }).collect();
+            return printable(line);
         }
         std::thread::sleep(std::time::Duration::from_millis(5));
     }

@@ -4,6 +4,8 @@
 //! both streams have a bounded queue and a thread of their own. Lines that cannot be written (closed, full or blocked stream) are counted,
 //! and the log says how many were lost and why as soon as it can be written again.
 
+#[cfg(test)]
+pub(crate) mod logged;
 mod progress;
 mod queue;
 

@@ -18,6 +18,7 @@ use crate::elastic::Equilibrium;
 use crate::fit::statistics::{NORMAL_95, float};
 use crate::measurements::springs::Campaign;
 use crate::model::MachineKind;
+use crate::output::Name;
 use crate::robot_file::RobotFile;
 use crate::springs::blocks::{Blocks, covariance};
 use crate::springs::choice::Choice;
@@ -38,7 +39,7 @@ pub struct PairResult {
     /// Series of both windows, or what the names of their two series have in common.
     pub series: String,
     /// Their name.
-    pub window: String,
+    pub window: Name,
     /// Tool centre point without load, world axes, m.
     pub tool_m: [f64; 3],
     /// Load with compensation: force, N, and moment, N m.

@@ -14,6 +14,7 @@ use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium, Pose};
 use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
 use crate::model::{Held, L2, MachineKind, Wrist};
+use crate::output::Name;
 use crate::robot_file::{AnyRobotFile, Identified, RobotFile, WristJoint, text_of};
 use crate::springs::gauge::{Body, Gauge};
 use crate::springs::loaded::Loaded;
@@ -102,7 +103,7 @@ fn gauges() -> Vec<NamedGauge> {
         ([0.14, 0.0, 0.05], Vector3::x()),
     ];
     let gauge = |(index, (point, axis)): (usize, ([f64; 3], Vector3<f64>))| NamedGauge {
-        name: format!("g{index}"),
+        name: Name::made(format_args!("g{index}")),
         gauge: Gauge::Face { body: Body::Platform, point_m: point.into(), axis },
     };
     platform.into_iter().enumerate().map(gauge).collect()
@@ -167,7 +168,7 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, 
         let began = machine.equilibrium(&off, &Vector6::zeros(), &start).unwrap();
         let standing = mounted(&setup, draw);
         let zeros: Vec<f64> = gauges().iter().map(|_| draw.normal(1e-3)).collect();
-        let mut add = |name: String, q: [f64; N], load: Vector6<f64>, draw: &mut Draw| {
+        let mut add = |name: Name, q: [f64; N], load: Vector6<f64>, draw: &mut Draw| {
             let now = machine.equilibrium(&q, &load, &began).unwrap();
             let loaded = Loaded { machine, wrist: Wrist::default(), began: began.pose, now, load };
             let read = standing
@@ -193,19 +194,19 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, 
                 time_s: None,
             });
         };
-        add("start".to_owned(), off, Vector6::zeros(), draw);
+        add(Name::made("start"), off, Vector6::zeros(), draw);
         for (index, way) in directions().into_iter().take(6).enumerate() {
             let force = way * 300.0;
             let moment = Vector3::new(0.0, 0.0, -0.08).cross(&force);
             let load = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
             let wrench = Wrench::from_array(sensor.shows(&load).into());
             let held = Held::new(&*compensator, &[1.0; N], &CorePose::at(place), &off, &wrench).unwrap();
-            add(index.to_string(), held.nominal, load, draw);
-            add(index.to_string(), held.corrected, load, draw);
+            add(Name::made(index), held.nominal, load, draw);
+            add(Name::made(index), held.corrected, load, draw);
         }
-        add("end".to_owned(), off, Vector6::zeros(), draw);
-        series.push(format!("s{pose}"));
-        poses.push((format!("p{pose}"), CorePose::at(place)));
+        add(Name::made("end"), off, Vector6::zeros(), draw);
+        series.push(Name::made(format_args!("s{pose}")));
+        poses.push((Name::made(format_args!("p{pose}")), CorePose::at(place)));
     }
     Campaign {
         table: "verify.csv".to_owned(),
@@ -401,7 +402,11 @@ fn the_margin_is_that_of_the_springs() {
 /// The same windows in series of their own, each with its rows without a load; those of the second mounted anew, with other zeros.
 fn in_two_series(campaign: &Campaign<N>) -> Campaign<N> {
     let mut split = campaign.clone();
-    split.series = campaign.series.iter().flat_map(|name| [format!("{name} off"), format!("{name} on")]).collect();
+    split.series = campaign
+        .series
+        .iter()
+        .flat_map(|name| ["off", "on"].map(|state| Name::made(format_args!("{name} {state}"))))
+        .collect();
     let is_unloaded = |window: &Window<N>| window.load.norm() < 50.0;
     let mut names = std::collections::HashSet::new();
     for window in &mut split.windows {
@@ -447,7 +452,7 @@ fn pairs_may_stand_in_series_of_their_own() {
     let at =
         |series: usize| apart.windows.iter().position(|window| window.series == series && window.load.norm() > 50.0);
     let (off, on) = (at(0).unwrap(), at(1).unwrap());
-    let alone = refused(&|campaign| campaign.windows[on].window = "other".to_owned());
+    let alone = refused(&|campaign| campaign.windows[on].window = Name::made("other"));
     assert!(alone.contains("window \"0\" must stand once in series \"s0 on\", its other half"), "{alone}");
     let swapped = refused(&|campaign| campaign.series.swap(0, 1));
     assert!(swapped.contains("compensation was on"), "{swapped}");
@@ -459,10 +464,10 @@ fn pairs_may_stand_in_series_of_their_own() {
     assert!(same.contains("with compensation on it contains the offsets"), "{same}");
     // A series that was broken off, and mounted anew.
     let mut again = apart.clone();
-    again.series.push("s0 on.2".to_owned());
+    again.series.push(Name::made("s0 on.2"));
     let last = again.series.len() - 1;
     again.windows.iter_mut().filter(|window| window.series == 1).for_each(|window| window.series = last);
-    let broken = Window { series: 1, window: "5".to_owned(), ..again.windows[on].clone() };
+    let broken = Window { series: 1, window: Name::made("5"), ..again.windows[on].clone() };
     again.windows.push(broken);
     let found = verify(&file, &again, WORKPIECE).unwrap();
     assert_eq!((found.pairs.len(), found.dof), (120, two.dof));
@@ -477,7 +482,7 @@ fn rows_without_a_partner_are_refused() {
         change(&mut campaign);
         verify(&file, &campaign, WORKPIECE).unwrap_err().to_string()
     };
-    let alone = refused(&|campaign| campaign.windows[2].window = "other".to_owned());
+    let alone = refused(&|campaign| campaign.windows[2].window = Name::made("other"));
     assert!(alone.starts_with("verify.csv:3: window \"0\" must stand twice"), "{alone}");
     let same = refused(&|campaign| campaign.windows[2].q = campaign.windows[1].q);
     assert!(same.starts_with("verify.csv:4: q is that of line 3"), "{same}");

@@ -52,7 +52,8 @@ fn folder(test: &str) -> PathBuf {
 #[test]
 fn a_campaign_arrives() {
     let campaign = campaign(&folder("good"), SETUP, TABLE).unwrap();
-    assert_eq!((campaign.series, campaign.mountings), (vec!["s1".into(), "s2".into()], vec!["m1".into(), "m2".into()]));
+    let names = |names: [&str; 2]| names.map(|name| name.parse().unwrap()).to_vec();
+    assert_eq!((campaign.series, campaign.mountings), (names(["s1", "s2"]), names(["m1", "m2"])));
     assert_eq!(campaign.gauges[1].gauge, Gauge::Axis { axis: 1, metres_per_q: 2.0 });
     assert_eq!((campaign.setup.gauge_point_mm, campaign.setup.sensor_gain), (Some(0.5), None));
     let [start, rising, other] = &campaign.windows[..] else { panic!("{:?}", campaign.windows) };
@@ -92,6 +93,8 @@ fn wrong_campaigns_are_refused_by_line_and_column() {
         ("60.5", "sixty", "springs.csv:3: force_x_n: \"sixty\" is not a number"),
         (",0.5\n", ",0\n", "springs.csv:3: pz1_sd_um: a standard deviation is above 0"),
         ("s2,m2", ",m2", "springs.csv:4: series: is empty; give it a name"),
+        ("s2,m2", "s2,=m2", "springs.csv:4: mounting: begins with '=', which spreadsheets take for a formula"),
+        ("home,1,1", "home,@1,1", "springs.csv:3: window: begins with '@'"),
     ];
     for (from, to, expected) in tables {
         let error = campaign(&folder, SETUP, &TABLE.replacen(from, to, 1)).unwrap_err();
@@ -107,6 +110,7 @@ fn wrong_campaigns_are_refused_by_line_and_column() {
         ("on = \"axis\"", "on = \"rail\"", "springs.toml: gauge.cart2.on: is \"rail\""),
         ("point_m = [0.12", "point_m = [120", "springs.toml: gauge.pz1.point_m: is more than 10 m away"),
         ("\"cart2\"", "\"pz1\"", "springs.toml: gauge.pz1.name: stands twice"),
+        ("\"cart2\"", "\"cart\\u001b2\"", "springs.toml:19: name \"cart\\u{1b}2\": has the character '\\u{1b}'"),
         ("force_n = 1.0", "force_n = -1.0", "springs.toml: noise.force_n: -1 is not from"),
         ("gauge_point_mm", "gauge_point_um", "springs.toml:9: unknown field `gauge_point_um`"),
         ("springs 1", "springs 9", "springs.toml: format: is \"gantry-tau springs 9\""),

@@ -20,6 +20,7 @@ use crate::experiment::raw;
 use crate::gauge_link::GaugePublisher;
 use crate::measurements::springs::{self, Campaign, Window};
 use crate::model::{L2, L2_MOTORS};
+use crate::output::Name;
 use crate::record::drain;
 use crate::sensor_link::SensorPublisher;
 use crate::server::Server;
@@ -166,12 +167,12 @@ fn a_campaign_over_loopback_measures_the_machine() {
     let report = run_until(&options, usize::MAX);
     assert_eq!(report, LiveReport { taken: 10, missing: 0 });
     let campaign = springs::read(&folder.path("plan.toml"), "l2", &[1.0; 3]).unwrap();
-    let expected: Vec<(usize, String, i8)> = (0..2)
+    let expected: Vec<(usize, Name, i8)> = (0..2)
         .flat_map(|series| {
             [0, 1, 1, -1, -1]
                 .into_iter()
                 .enumerate()
-                .map(move |(level, stroke)| (series, (level + 1).to_string(), stroke))
+                .map(move |(level, stroke)| (series, Name::made(level + 1), stroke))
         })
         .collect();
     let found: Vec<_> =

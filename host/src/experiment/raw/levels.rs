@@ -11,6 +11,7 @@ use crate::experiment::windows::{Collector, Means, Progress, Sample};
 use crate::measurements::FileError;
 use crate::measurements::springs::{MAX_GAUGES, MOST, stroke};
 use crate::measurements::table::{MAX_ROWS, Row, Table};
+use crate::output::Name;
 
 /// Places of the columns, in the order of the header.
 struct Columns {
@@ -43,8 +44,8 @@ const ONE_PLACE: &str = "a series has one mounting and one pose";
 /// Rows of one series that stand together.
 #[derive(Default)]
 struct Series {
-    name: String,
-    mounting: String,
+    /// Of the series and of its mounting; `None` before the first row.
+    names: Option<(Name, Name)>,
     pose: usize,
     /// Gauges that have had a reading.
     is_read: Vec<bool>,
@@ -65,7 +66,7 @@ struct Levels<'a, const N: usize> {
     collector: Collector<N>,
     series: Series,
     /// Mounting and pose of each series.
-    places: HashMap<String, (String, usize)>,
+    places: HashMap<Name, (Name, usize)>,
     open: Option<Open>,
     /// Number of levels.
     count: usize,
@@ -108,10 +109,10 @@ impl<const N: usize> Levels<'_, N> {
             return Ok(());
         }
         let stroke = stroke(row)?;
-        let is_same = |open: &Open| open.level.window == window && open.level.stroke == stroke;
+        let is_same = |open: &Open| open.level.window == *window && open.level.stroke == stroke;
         if !self.open.as_ref().is_some_and(is_same) {
             self.close();
-            self.begin(row, window, stroke, sample.tick)?;
+            self.begin(row, row.name_at(columns.places[WINDOW])?, stroke, sample.tick)?;
         }
         let Some(open) = &mut self.open else { return Ok(()) };
         // Another session counts from elsewhere.
@@ -131,33 +132,27 @@ impl<const N: usize> Levels<'_, N> {
     /// Begins another series where the row is of another one.
     fn follow_series(&mut self, columns: &Columns, row: &Row<'_>) -> Result<(), FileError> {
         let text = |column: usize| row.text_at(columns.places[column]);
-        let poses: &[(String, Pose)] = &self.source.setup.poses;
-        if self.series.name == text(SERIES) && !self.series.name.is_empty() {
-            let Series { mounting, pose, .. } = &self.series;
-            if mounting != text(MOUNTING) || poses[*pose].0 != text(POSE) {
+        let poses: &[(Name, Pose)] = &self.source.setup.poses;
+        if let Some((_, mounting)) = self.series.names.as_ref().filter(|(name, _)| name == text(SERIES)) {
+            if *mounting != *text(MOUNTING) || poses[self.series.pose].0 != *text(POSE) {
                 return Err(row.error("series", ONE_PLACE));
             }
             return Ok(());
         }
-        for (column, name) in [(SERIES, "series"), (MOUNTING, "mounting")] {
-            if text(column).is_empty() {
-                return Err(row.error(name, "is empty"));
-            }
-        }
+        let (name, mounting) = (row.name_at(columns.places[SERIES])?, row.name_at(columns.places[MOUNTING])?);
         let Some(pose) = poses.iter().position(|(name, _)| name == text(POSE)) else {
             return Err(row.error("pose", format_args!("{:?} is not in the set-up", text(POSE))));
         };
         if let Err(reason) = &self.source.places[pose] {
             return Err(row.error("pose", format_args!("the robot file's machine does not take it: {reason}")));
         }
-        let place = (text(MOUNTING).to_owned(), pose);
-        if *self.places.entry(text(SERIES).to_owned()).or_insert_with(|| place.clone()) != place {
+        let place = (mounting.clone(), pose);
+        if *self.places.entry(name.clone()).or_insert_with(|| place.clone()) != place {
             return Err(row.error("series", ONE_PLACE));
         }
         self.close();
         let is_read = vec![false; self.source.setup.gauges.len()];
-        let (name, mounting) = (text(SERIES).to_owned(), text(MOUNTING).to_owned());
-        self.series = Series { name, mounting, pose, is_read, tare: None };
+        self.series = Series { names: Some((name, mounting)), pose, is_read, tare: None };
         Ok(())
     }
 
@@ -197,7 +192,7 @@ impl<const N: usize> Levels<'_, N> {
         Ok((sample, row.number_at(columns.places[TIME], most_s)?))
     }
 
-    fn begin(&mut self, row: &Row<'_>, window: &str, stroke: i8, tick: u64) -> Result<(), FileError> {
+    fn begin(&mut self, row: &Row<'_>, window: Name, stroke: i8, tick: u64) -> Result<(), FileError> {
         if self.series.tare.is_none() && stroke != 0 {
             let reason = "the series does not begin with its slack level, stroke 0, where the sensor is tared, or that does not settle; remove its rows";
             return Err(row.error("stroke", reason));
@@ -206,9 +201,8 @@ impl<const N: usize> Levels<'_, N> {
         if self.count > MAX_ROWS {
             return Err(row.error("window", format_args!("has more than {MAX_ROWS} levels")));
         }
-        let Series { name, mounting, pose, .. } = &self.series;
-        let (series, mounting, pose) = (name.clone(), mounting.clone(), *pose);
-        let level = Level { line: row.line(), series, mounting, pose, window: window.to_owned(), stroke };
+        let Some((series, mounting)) = self.series.names.clone() else { return Ok(()) };
+        let level = Level { line: row.line(), series, mounting, pose: self.series.pose, window, stroke };
         self.open = Some(Open { level, is_taken: false, last_tick: tick });
         self.collector.restart();
         Ok(())
@@ -216,7 +210,7 @@ impl<const N: usize> Levels<'_, N> {
 
     /// Ends the level.
     fn close(&mut self) {
-        if let Some(open) = self.open.take().filter(|open| !open.is_taken && open.level.window != TARE) {
+        if let Some(open) = self.open.take().filter(|open| !open.is_taken && open.level.window != *TARE) {
             self.without.push(open.level);
         }
     }
@@ -227,7 +221,7 @@ impl<const N: usize> Levels<'_, N> {
         let Ok(place) = &self.source.places[level.pose] else { return Ok(()) };
         *is_taken = true;
         let (prediction, shown) = (self.source.prediction, Vector6::from(means.wrench));
-        let is_tare = level.window == TARE;
+        let is_tare = level.window == *TARE;
         if is_tare || self.series.tare.is_none() {
             self.series.tare = Some(shown - prediction.weight_seen(&place.unloaded.pose.rotation));
         }

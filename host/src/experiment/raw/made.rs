@@ -6,6 +6,7 @@ use super::Source;
 use crate::experiment::windows::{Means, Rules, TICK_S};
 use crate::measurements::FileError;
 use crate::measurements::springs::{Noise, Window};
+use crate::output::Name;
 
 /// Most sentences about levels without a window.
 const LISTED: usize = 5;
@@ -13,8 +14,8 @@ const LISTED: usize = 5;
 /// Windows, and the names in them.
 pub(super) struct Made<const N: usize> {
     pub(super) rules: Rules,
-    pub(super) series: Vec<String>,
-    pub(super) mountings: Vec<String>,
+    pub(super) series: Vec<Name>,
+    pub(super) mountings: Vec<Name>,
     pub(super) windows: Vec<Window<N>>,
     pub(super) missed: Vec<String>,
 }
@@ -24,11 +25,11 @@ pub(super) struct Made<const N: usize> {
 pub(super) struct Level {
     /// First line of its ticks.
     pub(super) line: u64,
-    pub(super) series: String,
-    pub(super) mounting: String,
+    pub(super) series: Name,
+    pub(super) mounting: Name,
     /// Pose, by index.
     pub(super) pose: usize,
-    pub(super) window: String,
+    pub(super) window: Name,
     pub(super) stroke: i8,
 }
 
@@ -92,9 +93,9 @@ impl<const N: usize> Made<N> {
 }
 
 /// Index of a name, which is added where it is new. The last one is the likeliest.
-fn index_of(names: &mut Vec<String>, name: &str) -> usize {
+fn index_of(names: &mut Vec<Name>, name: &Name) -> usize {
     names.iter().rposition(|other| other == name).unwrap_or_else(|| {
-        names.push(name.to_owned());
+        names.push(name.clone());
         names.len() - 1
     })
 }

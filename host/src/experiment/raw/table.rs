@@ -9,7 +9,7 @@ use crate::experiment::ExperimentError;
 use crate::experiment::table::Row;
 use crate::experiment::windows::Sample;
 use crate::measurements::plan::Plan;
-use crate::measurements::table::present_name;
+use crate::measurements::table::{columns, row};
 use crate::output::GrowingFile;
 
 /// Part of a series that a tick belongs to.
@@ -98,8 +98,8 @@ fn check_end(path: &Path, header: &[String]) -> Result<(), String> {
     let mut file = BufReader::new(File::open(path).map_err(said)?);
     let mut first = String::new();
     file.by_ref().take(super::LONGEST_ROW as u64).read_line(&mut first).map_err(said)?;
-    if first.trim_end().split(',').map(present_name).ne(header.iter().cloned()) {
-        return Err(format!("its columns are not those of this plan: {}", header.join(",")));
+    if columns(&first) != header {
+        return Err(format!("its columns are not those of this plan: {}", row(header).trim_end()));
     }
     let mut last = [0];
     file.seek(SeekFrom::End(-1)).map_err(said)?;

@@ -175,6 +175,14 @@ fn what_is_not_a_table_of_ticks_is_refused() {
     refused(&field(6, 5, ""), "raw.csv:6: time_s: \"\" is not a number");
     refused(&field(6, 2, "moon"), "raw.csv:6: series: a series has one mounting and one pose");
     refused(&field(2, 2, "moon"), "raw.csv:2: pose: \"moon\" is not in the set-up");
+    let begins =
+        |from: &'static str, to: &'static str| move |text: &str| row(text, 2, &|row| row.replacen(from, to, 1));
+    refused(&begins("x1", ""), "raw.csv:2: series: is empty; give it a name");
+    refused(&begins("hook", "\u{7}"), "raw.csv:2: mounting: has the character '\\u{7}'; expected printable ones");
+    refused(
+        &field(2, 3, "@"),
+        "raw.csv:2: window: begins with '@', which spreadsheets take for a formula; begin with a letter",
+    );
     refused(&field(7, 4, "2"), "raw.csv:7: stroke: \"2\" is not 1 (rising), -1 (falling) or 0");
     let header = |from: &'static str, to: &'static str| move |text: &str| text.replacen(from, to, 1);
     refused(&header("q_2", "q_9"), "raw.csv:1: q_9: this column is unknown");

@@ -5,6 +5,7 @@ use crate::experiment::fixture::{Folder, LEVELS, SETUP, campaign_a, plan_in};
 use crate::experiment::table::Table;
 use crate::measurements::springs;
 use crate::model::L2;
+use crate::output::Name;
 use crate::springs::identify::{IdentifyOptions, identify};
 
 /// The built-in L2 with springs 30 % off and no play.
@@ -41,7 +42,7 @@ fn what_is_written_is_read_back() {
             // A micrometre and back: one rounding.
             assert!((read.unwrap() - row.unwrap()).abs() < 1e-18);
         }
-        assert_eq!(window.window, (row.level + 1).to_string());
+        assert_eq!(window.window, Name::made(row.level + 1));
         assert_eq!(window.stroke, [0, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1][row.level]);
     }
 }

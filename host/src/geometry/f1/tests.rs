@@ -18,6 +18,7 @@ use crate::fit::statistics::NORMAL_95;
 use crate::fit::svd::Svd;
 use crate::geometry::agreement::fit_agreeing;
 use crate::geometry::frames::Frames;
+use crate::output::Name;
 
 /// Noise of a tracker: m, rad.
 const SIGMA: [f64; 2] = [50e-6, 100e-6];
@@ -113,7 +114,7 @@ impl Campaign {
             };
             let turn = UnitQuaternion::from_scaled_axis(noise(sigma[1]));
             poses.push(MeasuredPose {
-                name: String::new(),
+                name: Name::made(poses.len()),
                 q: *q,
                 position_m: pose.position_m + noise(sigma[0]),
                 rotation: Some(turn * UnitQuaternion::from_matrix(&pose.rotation)),

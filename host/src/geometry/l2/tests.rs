@@ -15,6 +15,7 @@ use crate::fit::statistics::NORMAL_95;
 use crate::fit::svd::Svd;
 use crate::geometry::agreement::{agreeing_with, fit_agreeing};
 use crate::geometry::frames::rigid_trimmed;
+use crate::output::Name;
 
 /// Noise of a device, m.
 const SIGMA_M: f64 = 50e-6;
@@ -66,7 +67,7 @@ impl Campaign {
         let pose = |(index, q): (usize, &[f64; ARMS])| {
             let noise = Vector3::from_fn(|_, _| StandardNormal.sample(&mut self.random));
             MeasuredPose {
-                name: index.to_string(),
+                name: Name::made(index),
                 q: *q,
                 position_m: kinematics.forward(q).unwrap() + sigma_m.component_mul(&noise),
                 rotation: None,

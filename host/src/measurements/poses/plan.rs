@@ -7,7 +7,8 @@ use gantry_tau_core::model::linalg::rotation_deviation;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-use super::{FORMAT, FileError, MOST, Noise, NoiseSection, QUATERNION, SetupFile, UNIT, parse_setup, setup};
+use super::{FORMAT, FileError, MOST, Noise, NoiseSection, QUATERNION, SetupFile, UNIT, parse_setup, setup, table};
+use crate::output::Name;
 use crate::robot_file::matrix;
 
 /// `[[pose]]` of a plan: where the machine is to stand.
@@ -15,7 +16,7 @@ use crate::robot_file::matrix;
 #[serde(deny_unknown_fields)]
 pub struct PlannedPose {
     /// Its name.
-    pub name: String,
+    pub name: Name,
     /// Place of the tool centre point, world axes, m.
     #[serde(rename = "T")]
     pub position_m: [f64; 3],
@@ -29,7 +30,7 @@ pub struct PlannedPose {
 impl PlannedPose {
     /// A pose of the machine with the axes at `q`.
     #[must_use]
-    pub fn new(name: String, pose: &Pose, q: &[f64]) -> Self {
+    pub fn new(name: Name, pose: &Pose, q: &[f64]) -> Self {
         let rotation = pose.rotation.transpose().into();
         Self { name, position_m: pose.position_m.into(), rotation, q: q.to_vec() }
     }
@@ -83,7 +84,7 @@ impl PosesPlan {
         if self.rotation_urad.is_some() {
             columns.extend(QUATERNION.map(str::to_owned));
         }
-        columns.join(",") + "\n"
+        table::row(&columns)
     }
 
     /// Reads a plan for a machine of `model`, and its noise, without its table.

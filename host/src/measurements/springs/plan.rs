@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::setup_file::{GaugeEntry, PoseEntry, SetupFile, gauges};
-use super::{FORMAT, FileError, LOAD, NamedGauge, Setup, WINDOW, axis_columns, setup};
+use super::{FORMAT, FileError, LOAD, NamedGauge, Setup, WINDOW, axis_columns, setup, table};
 use crate::springs::gauge::{Body, Gauge};
 
 /// A file of gauges alone.
@@ -66,7 +66,7 @@ impl Setup {
         columns.extend(axis_columns::<N>());
         columns.extend(LOAD.map(str::to_owned));
         columns.extend(self.gauges.iter().map(|gauge| format!("{}_um", gauge.name)));
-        columns.join(",") + "\n"
+        table::row(&columns)
     }
 }
 

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::{FORMAT, FileError, MAX_GAUGES, MOST_TURNED_RAD, NOISE, setup};
-use crate::output::check_name;
+use crate::output::Name;
 use crate::robot_file::matrix;
 use crate::springs::gauge::{Body, Gauge};
 
@@ -72,7 +72,7 @@ pub struct SetupNoise {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PoseEntry {
-    pub(super) name: String,
+    pub(super) name: Name,
     #[serde(rename = "T")]
     pub(super) position_m: [f64; 3],
     #[serde(rename = "R", default = "identity")]
@@ -87,7 +87,7 @@ const fn identity() -> [[f64; 3]; 3] {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GaugeEntry {
-    pub(super) name: String,
+    pub(super) name: Name,
     pub(super) on: String,
     pub(super) point_m: Option<[f64; 3]>,
     pub(super) axis: Option<[f64; 3]>,
@@ -99,11 +99,11 @@ pub(super) struct GaugeEntry {
 #[serde(deny_unknown_fields)]
 pub struct SeriesEntry {
     /// Its name.
-    pub name: String,
+    pub name: Name,
     /// Pose of the machine, by its name.
-    pub pose: String,
+    pub pose: Name,
     /// Mounting of strap and gauges, by its name.
-    pub mounting: String,
+    pub mounting: Name,
     /// Hook of the strap, from the tool centre point, world axes, m.
     pub hook_m: [f64; 3],
     /// Direction of its pull, world axes.
@@ -111,7 +111,7 @@ pub struct SeriesEntry {
     /// Forces, in order, N.
     pub levels_n: Vec<f64>,
     /// Gauges that are read, by their names.
-    pub gauges: Vec<String>,
+    pub gauges: Vec<Name>,
     /// True if compensation runs meanwhile.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub compensated: bool,
@@ -124,7 +124,7 @@ pub struct SeriesEntry {
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedGauge {
     /// Its name: the column `NAME_um`.
-    pub name: String,
+    pub name: Name,
     /// The gauge.
     pub gauge: Gauge,
 }
@@ -151,7 +151,7 @@ pub struct Setup {
     /// Uncertainty of the set-up.
     pub setup: Option<SetupNoise>,
     /// Poses, with their names.
-    pub poses: Vec<(String, Pose)>,
+    pub poses: Vec<(Name, Pose)>,
     /// Gauges.
     pub gauges: Vec<NamedGauge>,
     /// The series to measure, if the set-up is a plan.
@@ -220,11 +220,10 @@ fn check_noise(file: &SetupFile) -> Result<(), Refused> {
     }
 }
 
-fn poses(entries: &[PoseEntry]) -> Result<Vec<(String, Pose)>, Refused> {
-    let mut poses: Vec<(String, Pose)> = Vec::new();
+fn poses(entries: &[PoseEntry]) -> Result<Vec<(Name, Pose)>, Refused> {
+    let mut poses: Vec<(Name, Pose)> = Vec::new();
     for entry in entries {
         let key = |name: &str| format!("pose.{}.{name}", entry.name);
-        check_name(&entry.name).map_err(|error| (key("name"), error.to_string()))?;
         if poses.iter().any(|(name, _)| *name == entry.name) {
             return Err((key("name"), "stands twice".to_owned()));
         }
@@ -250,7 +249,6 @@ pub(super) fn gauges<const N: usize>(
     let mut gauges: Vec<NamedGauge> = Vec::new();
     for entry in entries {
         let key = |name: &str| format!("gauge.{}.{name}", entry.name);
-        check_name(&entry.name).map_err(|error| (key("name"), error.to_string()))?;
         if gauges.iter().any(|gauge| gauge.name == entry.name) {
             return Err((key("name"), "stands twice".to_owned()));
         }

@@ -8,20 +8,20 @@ use nalgebra::{SVector, Vector6};
 
 use super::{FileError, MOST, NamedGauge, Window};
 use crate::measurements::table::{self, Row, Table};
-use crate::output::check_name;
+use crate::output::Name;
 
 /// Rows of a table, with the names of series and of mountings that they count.
 pub(super) struct Read<const N: usize> {
     pub(super) windows: Vec<Window<N>>,
-    pub(super) series: Vec<String>,
-    pub(super) mountings: Vec<String>,
+    pub(super) series: Vec<Name>,
+    pub(super) mountings: Vec<Name>,
 }
 
 /// Reads the bytes of a table; `path` names it.
 pub(super) fn read<const N: usize>(
     path: &Path,
     bytes: &[u8],
-    poses: &[(String, Pose)],
+    poses: &[(Name, Pose)],
     gauges: &[NamedGauge],
 ) -> Result<Read<N>, FileError> {
     let mut reader = Windows { poses, gauges, series: Names::default(), mountings: Names::default() };
@@ -32,17 +32,16 @@ pub(super) fn read<const N: usize>(
 /// Reads the table of a set-up that is known; each window with the name of its series.
 pub(crate) fn windows_of<const N: usize>(
     table: &Path,
-    poses: &[(String, Pose)],
+    poses: &[(Name, Pose)],
     gauges: &[NamedGauge],
-) -> Result<Vec<(String, Window<N>)>, FileError> {
+) -> Result<Vec<(Name, Window<N>)>, FileError> {
     let Read { windows, series, .. } = read(table, &table::bytes(table)?, poses, gauges)?;
-    let name = |window: &Window<N>| series.get(window.series).cloned().unwrap_or_default();
-    Ok(windows.into_iter().map(|window| (name(&window), window)).collect())
+    Ok(windows.into_iter().filter_map(|window| Some((series.get(window.series)?.clone(), window))).collect())
 }
 
 /// Reader of the table.
 struct Windows<'a> {
-    poses: &'a [(String, Pose)],
+    poses: &'a [(Name, Pose)],
     gauges: &'a [NamedGauge],
     series: Names,
     mountings: Names,
@@ -51,8 +50,8 @@ struct Windows<'a> {
 /// Names in the order in which they appear.
 #[derive(Default)]
 struct Names {
-    names: Vec<String>,
-    places: HashMap<String, usize>,
+    names: Vec<Name>,
+    places: HashMap<Name, usize>,
 }
 
 /// First columns, which say where a window belongs.
@@ -84,7 +83,7 @@ impl Windows<'_> {
         let pushed: Vec<usize> = (0..N).filter(|axis| pushes.get(*axis).is_some_and(|push| table.has(push))).collect();
         let has_sd: Vec<bool> = columns.iter().map(|[_, sd]| table.has(sd)).collect();
         let poses: HashMap<&str, usize> =
-            self.poses.iter().enumerate().map(|(index, (name, _))| (name.as_str(), index)).collect();
+            self.poses.iter().enumerate().map(|(index, (name, _))| (&**name, index)).collect();
         let mut seen = HashMap::new();
         table.rows(|row| {
             let [most_q, most_um, most_n, most_nm, most_s] = MOST;
@@ -127,7 +126,7 @@ impl Windows<'_> {
             let stroke = stroke(row)?;
             let time_s =
                 if has_time && !row.text("time_s").is_empty() { Some(row.number("time_s", most_s)?) } else { None };
-            let window = row.text("window").to_owned();
+            let window = row.name("window")?;
             let line = row.line();
             Ok(Window { line, series, mounting, pose, window, stroke, q, load, pushes_n, readings_m, sds_m, time_s })
         })
@@ -147,14 +146,13 @@ pub(crate) fn stroke(row: &Row<'_>) -> Result<i8, FileError> {
 impl Names {
     /// Returns the index of the name in a column, which is added where it is new.
     fn index_of(&mut self, row: &Row<'_>, column: &str) -> Result<usize, FileError> {
-        let name = row.text(column);
-        check_name(name).map_err(|error| row.error(column, error))?;
-        if let Some(index) = self.places.get(name) {
+        let name = row.name(column)?;
+        if let Some(index) = self.places.get(&name) {
             return Ok(*index);
         }
         let index = self.names.len();
-        self.names.push(name.to_owned());
-        self.places.insert(name.to_owned(), index);
+        self.names.push(name.clone());
+        self.places.insert(name, index);
         Ok(index)
     }
 }

@@ -20,6 +20,7 @@ use crate::fit::statistics::float;
 use crate::geometry::calibrate::f1::{LEVER_M, whitening};
 use crate::measurements::poses::{Noise, PlannedPose, PosesPlan};
 use crate::model::MachineKind;
+use crate::output::Name;
 use crate::robot_file::RobotFile;
 
 /// Largest distance between the positions of a planned pose and those that the kinematics give, q-units.
@@ -179,7 +180,9 @@ pub fn plan_geometry<K: PlannedMachine<N>, const N: usize>(
         PlanError::Option(format!("--poses is {}; the grid has {} within the limits", options.poses, spots.len()))
     })?;
     let poses = in_order(robot, &spots, chosen);
-    let named = |(index, spot): (usize, &&Spot<N>)| PlannedPose::new(format!("p{}", index + 1), &spot.pose, &spot.q);
+    let named = |(index, spot): (usize, &&Spot<N>)| {
+        PlannedPose::new(Name::made(format_args!("p{}", index + 1)), &spot.pose, &spot.q)
+    };
     let plan = PosesPlan {
         measurements: measurements.to_owned(),
         position_um: options.noise_um,

@@ -58,7 +58,7 @@ fn turned_poses_of_the_f1_tell_sixty_combinations() {
     // Twenty random ones: 130 um.
     assert!(planned_um < 100.0, "{planned_um}");
     let named: Vec<_> =
-        found.iter().map(|index| PlannedPose::new(index.to_string(), &spots[*index].pose, &spots[*index].q)).collect();
+        found.iter().map(|index| PlannedPose::new(Name::made(index), &spots[*index].pose, &spots[*index].q)).collect();
     let judged = judge(&robot, &noise, &named, "plan").unwrap().expected;
     assert_eq!((judged.seen, judged.lost.len()), ((60, 60), 0), "{judged}");
 }
@@ -70,7 +70,8 @@ fn unturned_poses_of_the_f1_are_refused_by_name() {
     let model = Model::of(&robot.model);
     let spots = spots(&robot, &model);
     let unturned = spots.iter().filter(|spot| spot.pose.rotation == nalgebra::Matrix3::identity());
-    let named: Vec<_> = unturned.map(|spot| PlannedPose::new(format!("{:?}", spot.q), &spot.pose, &spot.q)).collect();
+    let named: Vec<_> =
+        unturned.map(|spot| PlannedPose::new(Name::made(format_args!("{:?}", spot.q)), &spot.pose, &spot.q)).collect();
     let judged = judge(&robot, &isotropic(50e-6, Some(100e-6)), &named, "plan").unwrap().expected;
     assert!(judged.seen.0 < 60 && !judged.lost.is_empty(), "{judged}");
 }
@@ -84,7 +85,7 @@ fn places_on_a_line_are_judged() {
         (0..12_u32).map(|step| Pose::at(robot.home_m() + nalgebra::Vector3::x() * (f64::from(step) * 0.05 - 0.3)));
     let spots = places.enumerate().map(|(index, pose)| {
         let spot = model.spot(&robot, pose).unwrap();
-        PlannedPose::new(index.to_string(), &spot.pose, &spot.q)
+        PlannedPose::new(Name::made(index), &spot.pose, &spot.q)
     });
     let judged = judge(&robot, &isotropic(50e-6, None), &spots.collect::<Vec<_>>(), "plan").unwrap();
     assert!(judged.expected.seen.0 <= 12, "{judged}");

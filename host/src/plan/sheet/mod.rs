@@ -78,7 +78,7 @@ fn picture<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>, setup: &S
     let mut marks: Vec<Mark> = Vec::new();
     for gauge in &setup.gauges {
         if let Gauge::Face { point_m, axis, .. } = gauge.gauge {
-            marks.push(Mark { name: gauge.name.clone(), at_m: point_m, way_m: axis * ARROW_M, is_hook: false });
+            marks.push(Mark { name: gauge.name.to_string(), at_m: point_m, way_m: axis * ARROW_M, is_hook: false });
         }
     }
     for (index, hook) in hooks(setup).iter().enumerate() {
@@ -171,7 +171,7 @@ fn steps(setup: &Setup, series: &SeriesEntry, predicted: &Predicted, kind: &str)
         let state = if series.compensated { "on" } else { "off" };
         let _ = write!(text, "<li>Compensation <b>{state}</b>.</li>");
     }
-    if series.name == JUMP {
+    if series.name == *JUMP {
         text.push_str("<li>In this series the platform leaves cart 3, which can be felt. Approach every level from below while the force rises, \
             and from above while it falls.</li>");
     }
@@ -230,7 +230,7 @@ pub(super) fn poses<K: MachineKind<N>, const N: usize>(
     let is_named = |index: usize| index == 0 || index + 1 == plan.poses.len();
     let marks: Vec<Mark> = (plan.poses.iter().enumerate())
         .map(|(index, pose)| Mark {
-            name: if is_named(index) { pose.name.clone() } else { String::new() },
+            name: if is_named(index) { pose.name.to_string() } else { String::new() },
             at_m: pose.position_m.into(),
             way_m: Vector3::zeros(),
             is_hook: true,

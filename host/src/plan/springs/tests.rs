@@ -21,7 +21,7 @@ fn at_home<K: MachineKind<N>, const N: usize>(
     hooks: &[[f64; 3]],
     gauges: Vec<NamedGauge>,
 ) -> Setup {
-    let poses = vec![("home".to_owned(), Pose::at(robot.home_m()))];
+    let poses = vec![(Name::made("home"), Pose::at(robot.home_m()))];
     let mut setup = Setup {
         measurements: "a.csv".to_owned(),
         noise: Some(Noise::USUAL),
@@ -99,7 +99,7 @@ fn the_thesis_sees_three_of_six_links() {
     let robot = l2();
     let at_block = [("gx", Vector3::x()), ("gy", Vector3::y()), ("gz", Vector3::z())];
     let gauges = at_block.map(|(name, axis)| NamedGauge {
-        name: name.to_owned(),
+        name: Name::made(name),
         gauge: Gauge::Face { body: Body::Platform, point_m: Vector3::new(0.0, 0.0, 0.1), axis },
     });
     let mut setup = at_home(&robot, &HOOKS_M[..1], gauges.to_vec());
@@ -174,7 +174,7 @@ fn a_plan_stays_within_its_limits() {
     assert_eq!((setup.plan.len(), setup.poses.len()), (8, 2));
     let judged = judge(&robot, &setup, false, "plan").unwrap();
     assert!(judged.expected.is_complete() && judged.doubts.is_empty(), "{:?}", judged.doubts);
-    for series in setup.plan.iter().filter(|series| series.name != JUMP) {
+    for series in setup.plan.iter().filter(|series| series.name != *JUMP) {
         // The first level comes again at the end.
         assert_eq!(
             (series.levels_n.first(), series.levels_n[5], series.levels_n.last()),
@@ -231,13 +231,13 @@ fn plans_of_others_are_read_strictly() {
         change(&mut wrong.plan[1]);
         checked(&wrong).unwrap_err().to_string()
     };
-    let pose = refused(|series| "elsewhere".clone_into(&mut series.pose));
+    let pose = refused(|series| series.pose = Name::made("elsewhere"));
     assert_eq!(pose, "plan.toml: series.s2.pose: \"elsewhere\" is not in the set-up");
     let length = refused(|series| series.direction = [1.0, 1.0, 0.0]);
     assert!(length.contains("series.s2.direction: has length 1.41"), "{length}");
     assert!(refused(|series| series.levels_n = vec![f64::NAN, 0.0]).contains("levels_n: NaN"));
     assert!(refused(|series| series.gauges.clear()).contains("gauges: is empty"));
-    assert!(refused(|series| "s1".clone_into(&mut series.name)).contains("stands twice"));
+    assert!(refused(|series| series.name = Name::made("s1")).contains("stands twice"));
     let mut diagonal = setup.clone();
     diagonal.plan[0].direction = [FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0];
     checked(&diagonal).unwrap();

@@ -1,45 +1,20 @@
 //! Lines of the log, from rows that were made.
 
-use std::io::Write;
-use std::sync::{Arc, Mutex};
-
 use gantry_tau_core::units::Epoch;
-use tracing_subscriber::fmt::MakeWriter;
 
 use super::*;
-
-/// Lines that were logged.
-#[derive(Clone, Default)]
-struct Lines(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Lines {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap().write(bytes)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-impl MakeWriter<'_> for Lines {
-    type Writer = Self;
-
-    fn make_writer(&self) -> Self {
-        self.clone()
-    }
-}
+use crate::terminal::logged::logged;
 
 /// A log, and the rows that it saw.
 struct Server {
     log: EventLog,
     row: Row<1>,
-    lines: Lines,
+    lines: String,
 }
 
 impl Server {
     fn new() -> Self {
-        Self { log: EventLog::default(), row: Row::listening(), lines: Lines::default() }
+        Self { log: EventLog::default(), row: Row::listening(), lines: String::new() }
     }
 
     /// Shows the log a tick, changed for this tick alone by `once`.
@@ -47,14 +22,14 @@ impl Server {
         self.row.state.tick.0 += 1;
         let mut row = self.row;
         once(&mut row);
-        let subscriber =
-            tracing_subscriber::fmt().with_ansi(false).without_time().with_writer(self.lines.clone()).finish();
-        tracing::subscriber::with_default(subscriber, || self.log.see(&row))
+        let (events, lines) = logged(|| self.log.see(&row));
+        self.lines += &lines;
+        events
     }
 
     /// Takes the lines so far, without their levels' padding and targets.
     fn said(&mut self) -> Vec<String> {
-        let text = String::from_utf8(std::mem::take(&mut *self.lines.0.lock().unwrap())).unwrap();
+        let text = std::mem::take(&mut self.lines);
         let line = |line: &str| {
             let (level, rest) = line.trim().split_once(' ').unwrap();
             format!("{level} {}", rest.rsplit_once(": tick ").unwrap().1)

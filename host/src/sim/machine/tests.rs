@@ -93,6 +93,15 @@ fn below_the_jump_it_is_a_spring_and_at_the_jump_it_steps() {
 }
 
 #[test]
+fn a_load_beyond_the_springs_is_told() {
+    let (mut machine, mut hand) = machine(&parameters());
+    hand.set(&pull([1e5, 0.0, 0.0])).unwrap();
+    let failed = machine.read(1).unwrap_err();
+    let reason = "the springs find no equilibrium under this load";
+    assert_eq!(failed, PlantError { operation: "advance the simulation", reason });
+}
+
+#[test]
 fn without_a_gap_there_is_no_jump() {
     let mut smooth = parameters();
     smooth.simulation.jump_gap_m = 0.0;

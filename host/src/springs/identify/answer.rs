@@ -6,6 +6,7 @@ use serde::Serialize;
 use super::{Found, names};
 use crate::fit::answer::{Parameter, Status, Unobservable};
 use crate::fit::statistics::chi_squared_above;
+use crate::output::Name;
 use crate::springs::agreement::Agreement;
 use crate::springs::lines::Question;
 
@@ -44,11 +45,11 @@ pub struct Answer {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Outlier {
     /// Its series.
-    pub series: String,
+    pub series: Name,
     /// Its window.
-    pub window: String,
+    pub window: Name,
     /// Its gauge.
-    pub gauge: String,
+    pub gauge: Name,
 }
 
 /// The play of the joint of cluster 3.

@@ -18,7 +18,7 @@ pub(super) fn levels<const N: usize>(campaign: &Campaign<N>, solved: &Solved<N>)
     for (series, name) in campaign.series.iter().enumerate() {
         let windows: Vec<usize> =
             (0..campaign.windows.len()).filter(|window| campaign.windows[*window].series == series).collect();
-        let planned_as = |name: &str| campaign.plan.iter().find(|entry| entry.name == name);
+        let planned_as = |name: &str| campaign.plan.iter().find(|entry| entry.name == *name);
         let entry = planned_as(name).or_else(|| planned_as(before_remount(name)));
         let of_series = entry
             .and_then(|entry| planned(campaign, entry, &windows))

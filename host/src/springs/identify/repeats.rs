@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::levels::levels;
 use crate::fit::least_squares::{Rows, eliminated};
 use crate::fit::statistics::{f_above, float};
+use crate::output::Name;
 use crate::springs::agreement::{Agreement, deviations};
 use crate::springs::blocks::Blocks;
 use crate::springs::choice::Choice;
@@ -86,7 +87,7 @@ fn pure_error<const N: usize>(question: &Question<'_, N>, agreement: &Agreement<
         owners[index] = window.series;
         window.series = index;
     }
-    campaign.series = names.iter().map(usize::to_string).collect();
+    campaign.series = names.iter().map(Name::made).collect();
     let by_level = Question { campaign: &campaign, setup: question.setup.exact(), ..*question };
     let choice = Choice { weights: choice.weights.clone(), ..Choice::all(&campaign) };
     let lines = solved.lines.iter().zip(&solved.left);

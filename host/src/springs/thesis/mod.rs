@@ -15,6 +15,7 @@ use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::fit::least_squares::solve_linear;
 use crate::fit::statistics::{float, students_t_95};
 use crate::measurements::springs::Window;
+use crate::output::Name;
 use crate::springs::gauge::{Body, Gauge};
 use crate::springs::lines::Question;
 
@@ -24,7 +25,7 @@ pub use page::page;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ThesisSprings {
     /// The series, by its name.
-    pub(super) series: String,
+    pub(super) series: Name,
     /// Of the links: elongation, m, by tension, N.
     pub(super) links: [SpringLine; LINKS],
     /// Of the axes: displacement by load, in the units of their keys.

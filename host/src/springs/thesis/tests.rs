@@ -46,7 +46,7 @@ fn lines_find_carts_and_not_links() {
     let robot = robot();
     let (campaign, truth) = campaign(&folder, &robot);
     let all = evaluated(&robot, &campaign);
-    assert_eq!(all.iter().map(|thesis| thesis.series.as_str()).collect::<Vec<_>>(), campaign.series);
+    assert_eq!(all.iter().map(|thesis| thesis.series.clone()).collect::<Vec<_>>(), campaign.series);
     let truth = truth.vector();
     let (mut negative, mut count) = (0, 0);
     for thesis in &all {

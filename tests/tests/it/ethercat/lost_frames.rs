@@ -2,6 +2,7 @@
 
 use gantry_tau::model::MachineKind;
 use gantry_tau::robot_file::RobotFile;
+use gantry_tau::server::cycle::Demands;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Mode, Phase};
 use gantry_tau_ethercat::emulation::Faults;
@@ -68,6 +69,49 @@ fn loses<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K,
     }
     check(&server);
     assert_eq!(at_the_drives(&server), start);
+}
+
+/// Sizes of the position offsets of all drives, nm.
+fn offsets_nm(server: &Server<3, 3>) -> Vec<i64> {
+    at_the_drives(server).iter().map(|[offset, _]| offset.abs() * COUNT_NM).collect()
+}
+
+/// The offset of a lost frame is not in force, and the re-arm does not bring it.
+#[test]
+fn a_bus_lost_while_an_offset_grows_is_rearmed_with_the_offsets_that_are_in_force() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let limit_nm = i64::from(robot.limits[0].limits.position.step());
+    let section = section_of_whole_steps(&robot);
+    let bus = bus_of::<_, 3, 3>(&robot, &section);
+    let mut server = Server::with(&robot, &section, &bus, 0.0);
+    let mut client = server.client();
+    for _ in 0..150 {
+        server.answered(&mut client, Mode::Obtain, 1_000_000);
+    }
+    let before = offsets_nm(&server);
+    assert!(server.answered(&mut client, Mode::Obtain, 1_000_000).state.axes[0].offsets.position.0 > 100 * 1_000);
+    assert_eq!(offsets_nm(&server)[0] - before[0], limit_nm, "it grows by all that is allowed");
+    let in_force = offsets_nm(&server);
+    bus.bench().faults = Faults { lost_out: 200, ..Faults::default() };
+    for _ in 0..200 {
+        assert!(server.tick().plant_failed);
+    }
+    while server.tick().plant_failed && bus.bench().faults.lost_out > 0 {}
+    let mut last = offsets_nm(&server);
+    assert_eq!(last, in_force);
+    for _ in 0..60_000 {
+        let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
+        let now = offsets_nm(&server);
+        for (now, last) in now.iter().zip(&last) {
+            // Drives that ramp to zero never go on with what the lost frame would have brought.
+            assert!(now <= last && last - now <= limit_nm, "from {last} to {now} nm");
+        }
+        last = now;
+        if row.state.phase == Phase::Listening {
+            break;
+        }
+    }
+    assert_eq!(last, [0; 3]);
 }
 
 #[test]

@@ -123,6 +123,43 @@ fn wrong() -> Vec<(&'static str, String)> {
     ]
 }
 
+/// Another name in the place of one, wherever it stands in a set-up and its table.
+fn renamed(text: &str, old: &str, new: &str) -> String {
+    let (setup, table) = text.split_once(BETWEEN).unwrap_or((text, ""));
+    let cell = |cell: &str| match cell.strip_prefix(old) {
+        Some("") => new.to_owned(),
+        Some(unit @ ("_um" | "_sd_um")) => format!("{new}{unit}"),
+        _ => cell.to_owned(),
+    };
+    let row = |row: &str| row.split(',').map(cell).collect::<Vec<_>>().join(",");
+    let rows: Vec<String> = table.lines().map(row).collect();
+    setup.replace(&format!("\"{old}\""), &format!("\"{new}\"")) + BETWEEN + &rows.join("\n")
+}
+
+#[test]
+fn a_name_that_is_none_is_refused_wherever_it_stands() {
+    let mut places = 0;
+    for (seed, bytes) in seeds().into_iter().filter(|(seed, _)| !seed.starts_with("wrong")) {
+        let text = String::from_utf8(bytes).unwrap();
+        let kinds = kinds_of_file(text.as_bytes());
+        for name in ["home", "turned", "pz", "cart2", "x", "strap along x", "s1", "m1", "w0", "p1", "a"] {
+            let other = renamed(&text, name, "other name");
+            if !other.contains("other name") {
+                continue;
+            }
+            places += 1;
+            assert_eq!(kinds_of_file(other.as_bytes()), kinds, "{seed}, {name:?}");
+            for bad in ["=1+1", "-x", "tur\u{202e}ned", "", &"x".repeat(65)] {
+                let kinds = kinds_of_file(renamed(&text, name, bad).as_bytes());
+                // A table of windows is not looked at for a plan.
+                let is_read = kinds.iter().any(|kind| seed.starts_with(kind) && *kind != "plan");
+                assert!(!is_read, "{seed}, {name:?}: {bad:?} is taken for a name, in {kinds:?}");
+            }
+        }
+    }
+    assert!(places > 40, "{places} places of names");
+}
+
 #[test]
 fn a_seed_is_the_kind_of_file_that_its_name_says() {
     for (name, bytes) in seeds() {

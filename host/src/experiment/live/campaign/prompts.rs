@@ -3,12 +3,13 @@
 use gantry_tau_core::units::PositionNm;
 
 use super::Campaign;
+use crate::output::Name;
 
 /// Ticks between two reminders.
 const REMIND_TICKS: u64 = 5_000;
 
 impl<const N: usize> Campaign<N> {
-    pub(super) fn names_of_gauges(&self) -> Vec<String> {
+    pub(super) fn names_of_gauges(&self) -> Vec<Name> {
         let series = &self.plan.series[self.series];
         series.gauges.iter().map(|gauge| self.plan.gauges[*gauge].name.clone()).collect()
     }

@@ -96,7 +96,7 @@ impl Bench {
         }
         let windows = springs::windows_of::<3>(&path, &plan.poses, &plan.gauges).unwrap();
         let first = |window: &springs::Window<3>| window.readings_m[0].unwrap() * 1e6;
-        windows.into_iter().map(|(name, w)| (name, w.window.clone(), w.load[0], first(&w))).collect()
+        windows.into_iter().map(|(name, w)| (name.to_string(), w.window.to_string(), w.load[0], first(&w))).collect()
     }
 
     fn names(&self) -> Vec<String> {

@@ -4,6 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicU64;
 
 use super::*;
+use crate::output::Name;
 use crate::record::Recording;
 
 /// Ticks that are recorded after the campaign, at most the calm that a level needs.
@@ -62,7 +63,7 @@ fn a_recording_is_told_apart_by_the_plan() {
     assert_eq!(made.missed, [""; 0]);
     let names: Vec<_> = made.campaign.windows.iter().map(|window| (window.series, window.window.as_str())).collect();
     let expected: Vec<_> = (0..2).flat_map(|series| ["1", "2", "3", "4", "5"].map(|window| (series, window))).collect();
-    assert_eq!((names, &made.campaign.series), (expected, &vec!["x1".to_owned(), "y1".to_owned()]));
+    assert_eq!((names, &made.campaign.series), (expected, &["x1", "y1"].map(Name::made).to_vec()));
     // By the machine's own springs: a recording has the exact load, and gauges that show whole steps of 0.5 um.
     let springs = robot.true_springs().unwrap();
     for window in &made.campaign.windows {

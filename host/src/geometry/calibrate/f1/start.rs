@@ -97,6 +97,7 @@ mod tests {
     use super::super::whitening;
     use super::*;
     use crate::measurements::poses::Noise;
+    use crate::output::Name;
 
     /// A tracker that took another target for this one, three times, metres away: the first fit goes astray.
     #[test]
@@ -121,7 +122,7 @@ mod tests {
             // Even noise of these deviations.
             let position_m = seen.translation.vector + vector(50e-6 * 3.0_f64.sqrt());
             let rotation = Some(UnitQuaternion::from_scaled_axis(vector(100e-6 * 3.0_f64.sqrt())) * seen.rotation);
-            poses.push(MeasuredPose { name: String::new(), q: found.value, position_m, rotation });
+            poses.push(MeasuredPose { name: Name::made(poses.len()), q: found.value, position_m, rotation });
         }
         let noise = Noise::independent(Matrix3::identity() * 2.5e-9, Some(Matrix3::identity() * 1e-8));
         let pairs = pairs(&robot, &poses);
