@@ -242,3 +242,37 @@ fn motors_of_one_cart_share_its_load() {
     }
     assert!(machine.loaded.axis_loads[1] > 100.0, "hardly a load");
 }
+
+/// One motor of a pair is sent astray: it trips, its partner stops in the same cycle, and no drive of another axis does.
+#[test]
+fn the_partner_of_a_drive_that_trips_stops_with_it() {
+    let text = crate::robot_file::text_of("f1").unwrap().replacen("[simulation]", "[drives]\n\n[simulation]", 1);
+    let crate::robot_file::AnyRobotFile::F1(file) = crate::robot_file::AnyRobotFile::parse("f1.toml", &text).unwrap()
+    else {
+        panic!("not an F1");
+    };
+    let (_hand, tool) = load_generator();
+    let mut machine = file.simulated_machine::<{ crate::model::F1_MOTORS }>(tool, Motion::Hold).unwrap();
+    let nominal = machine.read(1).unwrap().nominal;
+    let mut motors = machine.motors.spread(&nominal.map(without_offsets)).unwrap();
+    motors[2].position.0 += 50_000_000;
+    let astray = *machine.motors.axis_of_motor().get(2).unwrap();
+    let trips = |machine: &SimulatedMachine<6, 9>| machine.drives.iter().map(Drive::trip).collect::<Vec<_>>();
+    for cycle in 0.. {
+        assert!(cycle < 1_000, "the drive does not trip");
+        machine.write(&motors, &nominal.map(InForce::at)).unwrap();
+        let read = machine.read(1).map(|_| ());
+        let trips = trips(&machine);
+        if trips[2].is_none() {
+            assert_eq!((read, trips), (Ok(()), vec![None; 9]));
+            continue;
+        }
+        for (motor, of) in machine.motors.axis_of_motor().iter().enumerate() {
+            let is_partner = *of == astray && motor != 2;
+            assert_eq!(trips[motor].is_some(), is_partner || motor == 2, "{motor}");
+            assert_eq!(trips[motor] == Some(Trip::Partner), is_partner, "{motor}");
+        }
+        assert_ne!(read, Ok(()));
+        return;
+    }
+}

@@ -76,42 +76,47 @@ fn offsets_nm(server: &Server<3, 3>) -> Vec<i64> {
     at_the_drives(server).iter().map(|[offset, _]| offset.abs() * COUNT_NM).collect()
 }
 
-/// The offset of a lost frame is not in force, and the re-arm does not bring it.
+/// Whether the re-arm is asked for while the bus is away or once it is back, the drives go on with what core has in force.
 #[test]
 fn a_bus_lost_while_an_offset_grows_is_rearmed_with_the_offsets_that_are_in_force() {
     let robot = RobotFile::builtin_l2().unwrap();
     let limit_nm = i64::from(robot.limits[0].limits.position.step());
     let section = section_of_whole_steps(&robot);
-    let bus = bus_of::<_, 3, 3>(&robot, &section);
-    let mut server = Server::with(&robot, &section, &bus, 0.0);
-    let mut client = server.client();
-    for _ in 0..150 {
-        server.answered(&mut client, Mode::Obtain, 1_000_000);
-    }
-    let before = offsets_nm(&server);
-    assert!(server.answered(&mut client, Mode::Obtain, 1_000_000).state.axes[0].offsets.position.0 > 100 * 1_000);
-    assert_eq!(offsets_nm(&server)[0] - before[0], limit_nm, "it grows by all that is allowed");
-    let in_force = offsets_nm(&server);
-    bus.bench().faults = Faults { lost_out: 200, ..Faults::default() };
-    for _ in 0..200 {
-        assert!(server.tick().plant_failed);
-    }
-    while server.tick().plant_failed && bus.bench().faults.lost_out > 0 {}
-    let mut last = offsets_nm(&server);
-    assert_eq!(last, in_force);
-    for _ in 0..60_000 {
-        let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
-        let now = offsets_nm(&server);
-        for (now, last) in now.iter().zip(&last) {
-            // Drives that ramp to zero never go on with what the lost frame would have brought.
-            assert!(now <= last && last - now <= limit_nm, "from {last} to {now} nm");
+    for (is_lost_out, rearms_early) in [(true, false), (true, true), (false, false), (false, true)] {
+        let bus = bus_of::<_, 3, 3>(&robot, &section);
+        let mut server = Server::with(&robot, &section, &bus, 0.0);
+        let mut client = server.client();
+        for _ in 0..150 {
+            server.answered(&mut client, Mode::Obtain, 1_000_000);
         }
-        last = now;
-        if row.state.phase == Phase::Listening {
-            break;
+        let confirmed = offsets_nm(&server);
+        let mut last = confirmed.clone();
+        let [lost_out, lost_back] = if is_lost_out { [200, 0] } else { [0, 200] };
+        bus.bench().faults = Faults { lost_out, lost_back, ..Faults::default() };
+        assert!(server.answered(&mut client, Mode::Obtain, 1_000_000).plant_failed);
+        let mut ramps = 0;
+        for tick in 1..60_000 {
+            let rearm = rearms_early || tick > 300;
+            let row = server.step(Demands { stop: false, rearm, ..Demands::default() });
+            let now = offsets_nm(&server);
+            let moves = now.iter().zip(&last).map(|(now, last)| (now - last).abs()).max().unwrap();
+            let case = format!("{is_lost_out} {rearms_early} {tick}: from {last:?} to {now:?} nm");
+            assert!(moves <= limit_nm, "{case}");
+            let in_force = row.state.axes.map(|axis| i64::from(axis.offsets.position.0.abs()));
+            if !row.plant_failed {
+                assert_eq!(now, in_force, "{case}");
+                ramps += 1;
+            } else if tick < 200 {
+                // What no answer has confirmed is not in force.
+                assert_eq!(confirmed, in_force, "{case}");
+            }
+            last = now;
+            if row.state.phase == Phase::Listening {
+                break;
+            }
         }
+        assert!(ramps > 7_000 && last == [0; 3], "{ramps} {last:?}");
     }
-    assert_eq!(last, [0; 3]);
 }
 
 #[test]
