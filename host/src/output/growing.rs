@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::place::{self, Place};
@@ -132,14 +132,37 @@ impl GrowingFile {
     }
 }
 
+/// What is written at once is in the file as a whole, or not at all: on a disk that fills up a table ends with a whole row. A stream may have
+/// taken a part.
 impl Write for GrowingFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.open()?.write(bytes)
+        let file = self.open()?;
+        let mut written = 0;
+        while let Some(rest) = bytes.get(written..).filter(|rest| !rest.is_empty()) {
+            match file.write(rest) {
+                Ok(0) => return Err(take_back(file, written, io::ErrorKind::WriteZero.into())),
+                Ok(count) => written = written.saturating_add(count),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(take_back(file, written, error)),
+            }
+        }
+        Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
+}
+
+/// Takes the last bytes off the end of a file. Returns the error for which they are taken back.
+fn take_back(file: &mut File, bytes: usize, error: io::Error) -> io::Error {
+    let length = file.metadata().ok().filter(fs::Metadata::is_file).map(|file| file.len());
+    let before = length.zip(u64::try_from(bytes).ok()).and_then(|(length, bytes)| length.checked_sub(bytes));
+    if let Some(before) = before.filter(|_| bytes > 0) {
+        // A disk that does not take bytes lets go of them.
+        let _shorter = file.set_len(before).and_then(|()| file.seek(SeekFrom::Start(before)));
+    }
+    error
 }
 
 /// Makes a file under the first free name. Two programs that ask at the same time get two.

@@ -3,6 +3,7 @@
 use gantry_tau::model::L2_MOTORS;
 use gantry_tau::record::recover;
 use gantry_tau::robot_file::RobotFile;
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
 
 use super::labcomm::decoded;
 use super::{session, to};
@@ -50,6 +51,35 @@ fn every_recording_is_readable_after_a_kill_and_none_is_overwritten() {
             };
         }
         assert!(rows > 500, "{format}: {rows} rows");
+    }
+}
+
+/// A disk that takes a part of a row and no more. (To a process a limit is as a disk.) The recording ends with the row before.
+#[test]
+fn a_recording_on_a_disk_that_fills_up_ends_with_a_whole_row() {
+    for format in ["csv", "labcomm"] {
+        for odd in [1, 191] {
+            let folder = Folder::new(&format!("filled-{format}-{odd}"));
+            let name = format!("run.{format}");
+            let (mut server, _) = serve(&folder, &["--record", &name]);
+            let path = folder.path(&name);
+            let length = || std::fs::metadata(&path).map_or(0, |file| file.len());
+            server.await_that(&name, |_| length() > 20_000);
+            let current = Some(length() + 100_000 + odd);
+            let process = Pid::from_raw(i32::try_from(server.id()).unwrap());
+            prlimit(process, Resource::Fsize, Rlimit { current, maximum: None }).unwrap();
+            server.await_words("its rows are lost from here on");
+            assert!(current > Some(length()) && length() > 100_000, "{} of {current:?}", length());
+            let ended = server.stop();
+            assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+            let bytes = std::fs::read(&path).unwrap();
+            let rows = match format {
+                "csv" => csv_rows(&name, &bytes),
+                _ => decoded(&path).iter().filter(|line| line["sample"] == "axes").count(),
+            };
+            let written = format!("recorded at most {rows} rows to {name}, at least ");
+            assert!(ended.stdout.contains(&written), "{written}: {}", ended.stdout);
+        }
     }
 }
 

@@ -24,7 +24,7 @@ use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::run;
 use crate::firmware::program;
-use sandbox::Sandbox;
+use sandbox::{DISK, Sandbox};
 
 /// Most exposure that `systemd-analyze security` may find, in tenths: 0 is none, 100 all. What is left is the network, which the server is for,
 /// and real-time scheduling.
@@ -49,6 +49,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("the_unit_is_valid", analyze.clone(), is_valid),
         trial("the_unit_is_hardened", analyze, is_hardened),
+        trial("a_disk_that_fills_up_ends_the_recording_alone", sandbox.clone(), fills_a_disk),
         trial("the_server_keeps_its_stop_under_the_units_restrictions", sandbox, keeps_its_stop),
         trial("the_server_has_real_time_by_the_units_limits", limited, has_real_time),
         trial("the_server_makes_no_other_system_calls_than_the_unit_allows", traced, makes_allowed_calls),
@@ -167,6 +168,39 @@ fn keeps_its_stop() -> Result<(), Failed> {
     let mut third = sandbox.start("third", "lockstep", &["--record", "/usr/serve.csv"]);
     assert_ne!(third.end(), Some(0), "the rest is read-only: {}", third.log());
     assert!(third.log().contains("/usr/serve.csv"), "{}", third.log());
+    Ok(())
+}
+
+/// A disk of 16 MiB under a recording: it ends while 2 % are left, or, where another program takes all of them at once, when the disk is full. The
+/// session goes on, to its whole ramp.
+fn fills_a_disk() -> Result<(), Failed> {
+    for is_taken_by_others in [false, true] {
+        let sandbox = Sandbox::new("service-disk", Vec::new());
+        let recording = format!("{DISK}/run.csv");
+        let mut server = sandbox.start("server", "lockstep", &["--record", &recording]);
+        server.await_words("listening on ");
+        let client = server.client();
+        server.await_words("Submit -> Obtain");
+        let reason = if is_taken_by_others {
+            let filler = fs::write(server.file(&format!("{DISK}/filler")), vec![0; 32 << 20]).unwrap_err();
+            assert_eq!(filler.kind(), std::io::ErrorKind::StorageFull);
+            "No space left on device"
+        } else {
+            "bytes are left on its disk, and 335544 stay free; it ends here"
+        };
+        server.await_words(reason);
+        let kept = fs::read(server.file(&recording))?;
+        assert!(is_taken_by_others || kept.len() > 15 << 20, "{} bytes", kept.len());
+        assert!(kept.ends_with(b"\n"), "it ends with a whole row");
+        // Offsets grow and shrink as before.
+        server.say("stop\n");
+        server.await_words("Obtain -> Fault");
+        let code = server.terminate();
+        let log = server.log();
+        assert_eq!(code, Some(1), "{log}");
+        assert!(log.contains("all offsets are zero; ended") && log.contains(" rows to "), "{log}");
+        drop(client);
+    }
     Ok(())
 }
 

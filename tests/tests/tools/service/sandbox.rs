@@ -13,12 +13,15 @@ use super::{gantry_tau, values};
 const USER: &str = "61234";
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(120);
+/// Folder of the sandbox that is a disk of its own, of 16 MiB.
+pub(super) const DISK: &str = "/tmp/disk";
 /// Everything is read-only, but for the state folder, and /tmp is the service's own. `$1`: the state folder; the rest: the command.
 const NAMESPACE: &str = "set -e; state=$1; shift
 mount --make-rprivate /
 mount --bind \"$state\" /mnt
 mount -t tmpfs -o mode=1777 tmpfs /tmp
-mkdir /tmp/state
+mkdir /tmp/state /tmp/disk
+mount -t tmpfs -o mode=1777,size=16m tmpfs /tmp/disk
 mount --move /mnt /tmp/state
 mount -o remount,bind,ro /
 cd /tmp/state
@@ -149,6 +152,11 @@ impl Running {
         command.args(["client", &address("listening on "), "--sensor", &address("force sensor on ")]);
         let file = OpenOptions::new().create(true).append(true).open(self.log.with_extension("client")).unwrap();
         Client(command.stdin(Stdio::null()).stdout(file.try_clone().unwrap()).stderr(file).spawn().unwrap())
+    }
+
+    /// A file of its sandbox, from outside.
+    pub(super) fn file(&self, path: &str) -> PathBuf {
+        Path::new("/proc").join(self.child.id().to_string()).join("root").join(path.trim_start_matches('/'))
     }
 
     /// Ends it as systemd does, by SIGTERM to the server itself; returns its exit code.
