@@ -32,6 +32,12 @@ impl Addresses {
         self.first
     }
 
+    /// A name with these addresses.
+    #[cfg(test)]
+    pub(crate) fn of(first: SocketAddr, others: &[SocketAddr]) -> Self {
+        Self { first, others: others.to_vec() }
+    }
+
     /// Makes the first address the last one.
     pub(crate) fn rotate(&mut self) {
         if let Some(next) = self.others.first_mut() {
@@ -111,10 +117,6 @@ mod tests {
 
     use super::*;
 
-    fn addresses(first: SocketAddr, others: &[SocketAddr]) -> Addresses {
-        Addresses { first, others: others.to_vec() }
-    }
-
     /// A port of this machine on which nothing listens.
     fn closed_port() -> SocketAddr {
         TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap()
@@ -125,10 +127,10 @@ mod tests {
     fn every_address_of_a_name_is_tried() {
         let server = TcpListener::bind("127.0.0.1:0").unwrap();
         let open = server.local_addr().unwrap();
-        let to = addresses(closed_port(), &[closed_port(), open]);
+        let to = Addresses::of(closed_port(), &[closed_port(), open]);
         let stream = connect(&to, Duration::from_secs(60), &NEVER).unwrap();
         assert_eq!(stream.peer_addr().unwrap(), open);
-        let none = addresses(closed_port(), &[closed_port()]);
+        let none = Addresses::of(closed_port(), &[closed_port()]);
         let error = connect(&none, Duration::from_secs(60), &NEVER).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::ConnectionRefused);
     }
@@ -146,7 +148,7 @@ mod tests {
             queued.push(stream);
         }
         let quit = AtomicBool::new(true);
-        let error = connect(&addresses(full, &[]), Duration::from_secs(3_600), &quit).unwrap_err();
+        let error = connect(&Addresses::of(full, &[]), Duration::from_secs(3_600), &quit).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Interrupted, "{error}");
     }
 
@@ -155,14 +157,14 @@ mod tests {
         let all: Addresses = "localhost:7000".parse().unwrap();
         assert_eq!(all.first(), "127.0.0.1:7000".parse().unwrap());
         let [one, two, three] = [1, 2, 3].map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
-        let mut some = addresses(one, &[two, three]);
+        let mut some = Addresses::of(one, &[two, three]);
         let mut turns = Vec::new();
         for _ in 0..4 {
             turns.push(some.first());
             some.rotate();
         }
         assert_eq!(turns, [one, two, three, one]);
-        assert_eq!(addresses(one, &[two]).to_string(), "127.0.0.1:1 or 127.0.0.1:2");
+        assert_eq!(Addresses::of(one, &[two]).to_string(), "127.0.0.1:1 or 127.0.0.1:2");
         assert!("nowhere.invalid:7000".parse::<Addresses>().is_err());
         assert!("127.0.0.1".parse::<Addresses>().is_err());
     }

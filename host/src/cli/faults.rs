@@ -8,6 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
 use clap::Args;
+use gantry_tau::dial::Addresses;
 use gantry_tau::faults::plan::{Directions, FaultPlan, FaultRate, parse_script};
 use gantry_tau::faults::relay::{LinkReport, Relay};
 use gantry_tau::faults::{Fault, FaultStats};
@@ -16,7 +17,7 @@ use gantry_tau::signals;
 use gantry_tau::terminal::say;
 
 use super::outputs::Input;
-use super::{Outcome, address, transport};
+use super::{Outcome, address, peer, transport};
 
 /// Longest wait for an ended connection before looking for Ctrl-C.
 const POLL: Duration = Duration::from_millis(50);
@@ -49,8 +50,8 @@ pub(crate) struct Faults {
     #[arg(long, value_name = "HOST:PORT", value_parser = address)]
     listen: SocketAddr,
     /// Address of the server
-    #[arg(long, value_name = "HOST:PORT", value_parser = address)]
-    to: SocketAddr,
+    #[arg(long, value_name = "HOST:PORT", value_parser = peer)]
+    to: Addresses,
     /// Forward UDP datagrams instead of TCP streams
     #[arg(long)]
     udp: bool,
@@ -118,13 +119,13 @@ impl Faults {
         let plan = self.plan()?;
         let transport = transport(self.udp);
         plan.check(transport)?;
-        let (relay, ended) = Relay::spawn(self.listen, self.to, transport, plan)
+        let (relay, ended) = Relay::spawn(self.listen, self.to.clone(), transport, plan)
             .map_err(|error| ServerError::listen(self.listen, &error))?;
         let quit = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&quit);
         signals::on_quit(move || shared.store(true, Ordering::Relaxed));
         // With --json the counts are the only line on stdout.
-        let (address, to) = (relay.address, self.to);
+        let (address, to) = (relay.address, &self.to);
         tracing::info!("listening on {address}, forwarding to {to}; Ctrl-C ends");
         let mut total = Total::default();
         total.count(&ended, || quit.load(Ordering::Relaxed));

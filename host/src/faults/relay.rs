@@ -19,6 +19,7 @@ use super::injector::FaultInjector;
 use super::plan::FaultPlan;
 use super::{Direction, FaultStats};
 use crate::client::connected_datagrams;
+use crate::dial::{self, Addresses};
 use crate::realtime::{Socket, now_ns, wait_any_readable_until_ns};
 
 /// Longest wait before the relay looks for new connections and at its switches.
@@ -63,13 +64,14 @@ pub struct Relay {
 }
 
 impl Relay {
-    /// Listens on `listen` and forwards to `server`. The receiver yields every connection that has ended.
+    /// Listens on `listen` and forwards to `server`: streams to the first of its addresses that takes them, datagrams to the first. The receiver
+    /// yields every connection that has ended.
     ///
     /// # Errors
     /// When the address cannot be listened on, or the system gives no thread.
     pub fn spawn(
         listen: SocketAddr,
-        server: SocketAddr,
+        server: impl Into<Addresses>,
         transport: Transport,
         plan: FaultPlan,
     ) -> io::Result<(Self, Receiver<LinkReport>)> {
@@ -88,7 +90,7 @@ impl Relay {
             }
         };
         let (ended, receiver) = channel();
-        let exchange = Exchange { server, plan, clients: Vec::new(), opened: 0, ended };
+        let exchange = Exchange { server: server.into(), plan, clients: Vec::new(), opened: 0, ended };
         let switches = Arc::new(Switches::default());
         let shared = Arc::clone(&switches);
         let thread =
@@ -119,7 +121,7 @@ enum Listener {
 }
 
 struct Exchange {
-    server: SocketAddr,
+    server: Addresses,
     plan: FaultPlan,
     clients: Vec<Client>,
     /// Connections so far.
@@ -134,7 +136,7 @@ impl Exchange {
         let mut buffer = vec![0; LARGEST];
         while !switches.quit.load(Ordering::Relaxed) {
             match listener {
-                Listener::Stream(listener) => self.accept(listener),
+                Listener::Stream(listener) => self.accept(listener, &switches.quit),
                 Listener::Datagram(socket) => self.receive(socket, &mut buffer),
             }
             let cut = switches.cut.load(Ordering::Relaxed);
@@ -147,14 +149,14 @@ impl Exchange {
         self.remove(|_| true);
     }
 
-    fn accept(&mut self, listener: &TcpListener) {
+    fn accept(&mut self, listener: &TcpListener, quit: &AtomicBool) {
         while self.clients.len() < CLIENTS {
             let Ok((near, peer)) = listener.accept() else {
                 return;
             };
             let began = Instant::now();
             // A server that does not answer delays the other connections, which lead to the same server.
-            let far = TcpStream::connect_timeout(&self.server, CONNECT).and_then(|far| {
+            let far = dial::connect(&self.server, CONNECT, quit).and_then(|far| {
                 for stream in [&near, &far] {
                     stream.set_nonblocking(true)?;
                     stream.set_nodelay(true)?;
@@ -198,7 +200,8 @@ impl Exchange {
             let mut known = self.clients.iter().position(|client| client.peer == peer);
             // Without room or a socket the datagram is lost.
             if known.is_none() && self.clients.len() < CLIENTS {
-                let far = connected_datagrams(self.server).and_then(|far| far.set_nonblocking(true).map(|()| far));
+                let far =
+                    connected_datagrams(self.server.first()).and_then(|far| far.set_nonblocking(true).map(|()| far));
                 if let Ok(far) = far {
                     let near = End::Client(Arc::clone(socket), peer);
                     self.open(peer, Instant::now(), near, End::Datagram(far));

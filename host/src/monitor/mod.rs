@@ -143,6 +143,7 @@ impl Monitor {
         Ok(())
     }
 
+    #[expect(clippy::disallowed_methods, reason = "the time of day is shown; nothing is computed from it")]
     fn note(&mut self, text: String) {
         self.count += 1;
         self.events.truncate(EVENTS - 1);

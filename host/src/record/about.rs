@@ -36,6 +36,7 @@ pub struct About {
 
 impl About {
     /// A recording that begins now.
+    #[expect(clippy::disallowed_methods, reason = "metadata: when a recording begins")]
     pub(super) fn now<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Self {
         let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         Self {

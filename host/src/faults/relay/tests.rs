@@ -23,7 +23,7 @@ fn plan(script: &[(u64, Fault, Option<u32>)]) -> FaultPlan {
     FaultPlan { script: script.iter().map(entry).collect(), ..FaultPlan::default() }
 }
 
-fn relay(server: SocketAddr, transport: Transport, plan: FaultPlan) -> (Relay, Receiver<LinkReport>) {
+fn relay(server: impl Into<Addresses>, transport: Transport, plan: FaultPlan) -> (Relay, Receiver<LinkReport>) {
     Relay::spawn(LOOPBACK.parse().unwrap(), server, transport, plan).unwrap()
 }
 
@@ -240,6 +240,19 @@ fn datagrams_to_an_absent_server_are_lost_and_later_ones_arrive() {
     server.set_read_timeout(Some(DEADLINE)).unwrap();
     client.send_to(b"heard", relay.address).unwrap();
     assert_eq!(next(&server).0, b"heard");
+}
+
+#[test]
+fn every_address_of_a_server_is_tried() {
+    let listener = TcpListener::bind(LOOPBACK).unwrap();
+    let closed = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap();
+    let to = Addresses::of(closed, &[listener.local_addr().unwrap()]);
+    let (relay, _ended) = relay(to, Transport::Stream, FaultPlan::default());
+    let client = TcpStream::connect(relay.address).unwrap();
+    let (server, _) = listener.accept().unwrap();
+    server.set_read_timeout(Some(DEADLINE)).unwrap();
+    (&client).write_all(&frame(1)).unwrap();
+    assert_eq!(first_frame(&server)[..], frame(1));
 }
 
 /// One client more than there is room for; it is served once another has left.
