@@ -2,13 +2,14 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
-use gantry_tau::client::{self, ClientControls, ClientOptions};
+use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions, Observer};
 use gantry_tau::model::MachineKind;
 use gantry_tau::record::{RecordTo, Recorded, Recording, drain};
 use gantry_tau::robot_file::RobotFile;
-use gantry_tau::sensor_link::SensorPublisher;
+use gantry_tau::sensor_link::{Sample, SensorPublisher};
 use gantry_tau::server::Server;
 use gantry_tau::server::cycle::{Cycle, Row};
 use gantry_tau::server::event_log::{Event, EventLog};
@@ -18,11 +19,28 @@ use gantry_tau::sim::load_profile::LoadProfile;
 use gantry_tau::sim::parameters::Motion;
 use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{Capabilities, Phase};
+use gantry_tau_core::control::message::{Capabilities, Phase, State, Welcome};
 use gantry_tau_core::units::EpochRange;
 
 /// Ticks in Obtain after which the client leaves.
 const OBTAINING: usize = 400;
+
+/// A client that waits where rows are not taken in time: in lock-step a busy machine would lose some.
+struct Paced(Arc<AtomicU64>);
+
+/// Rows that may wait.
+const WAITING: u64 = 1_000;
+
+impl<const N: usize> Observer<N> for Paced {
+    fn welcomed(&mut self, _: &Welcome<N>) {}
+
+    fn answered(&mut self, state: &State<N>, _: Option<&Sample>) -> Result<(), ClientError> {
+        while state.tick.0 > self.0.load(Ordering::Relaxed) + WAITING {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+}
 
 /// Grants a session, pulls, compensates, ramps to zero. Server and client are recorded to every file; returns rows and events of the server.
 pub(crate) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
@@ -50,13 +68,16 @@ pub(crate) fn run<K: MachineKind<N>, const N: usize, const M: usize>(
         obtain: true,
     };
     let shared = Arc::clone(&controls);
-    let client = std::thread::spawn(move || client::run(&options, &shared).unwrap());
+    let taken = Arc::new(AtomicU64::new(0));
+    let mut paced = Paced(Arc::clone(&taken));
+    let client = std::thread::spawn(move || client::run_observed(&options, &shared, &mut paced).unwrap());
     let mut files: Vec<Recording<N>> =
         server_files.iter().map(|to| Recording::create::<Row<N>, K>(to, robot).unwrap()).collect();
     let mut load = LoadProfile::new(hand, 60.0, 0.1);
     let (mut log, mut rows, mut events) = (EventLog::default(), Vec::new(), Vec::new());
     let mut obtaining = 0;
     drain(&mut queue, |row, _| {
+        taken.store(row.state.tick.0, Ordering::Relaxed);
         load.update(row.state.phase, row.state.tick);
         let happened = log.see(row);
         files.iter_mut().for_each(|file| file.write(row, &happened));
