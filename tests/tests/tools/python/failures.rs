@@ -2,7 +2,7 @@
 
 use std::process::{Child, Command};
 
-use gantry_tau_core::control::message::Cause;
+use gantry_tau_core::control::message::{Cause, Phase};
 
 use super::{folder, python};
 use crate::session::{Session, Tool};
@@ -14,6 +14,8 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("a_controller_that_hangs_in_its_start_is_left", hanging_start),
     ("without_patience_of_the_client_the_server_ends_a_hanging_step", silence),
     ("a_step_that_was_not_scheduled_is_not_blamed", not_scheduled),
+    ("a_step_that_was_not_scheduled_and_fails_is_blamed", not_scheduled_and_wrong),
+    ("run_obtains_unless_it_is_told_otherwise", as_a_function),
     ("a_controller_that_ends_the_process_is_ramped_away", ending),
     ("targets_beyond_the_limits_are_cut", beyond),
 ];
@@ -146,6 +148,37 @@ fn not_scheduled() {
     assert_eq!(code, Some(6), "{said}");
     let words = "gantry_tau: the server ended the session: no command arrived before two consecutive deadlines (the controller's longest step";
     assert!(said.starts_with(words) && said.lines().count() == 1, "{said}");
+    session.quit();
+}
+
+/// The same, and then the step fails: that comes first.
+fn not_scheduled_and_wrong() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let program = start(&session, "os.kill(os.getpid(), signal.SIGSTOP); raise ValueError('late')", "patience_s=60.0");
+    assert_eq!(session.ramped(), Cause::ClientLate);
+    signal(&program, "-CONT");
+    let (_, said) = told(&mut session, program);
+    assert!(
+        said.contains("raised ValueError: late") && said.contains("; the server had ended the session, "),
+        "{said}"
+    );
+    session.quit();
+}
+
+/// `run` as a function, with what it does unless it is told otherwise.
+fn as_a_function() {
+    let mut session = Session::new(Tool::Steps(0.0, 1.0));
+    let script = "import sys; sys.path.insert(0, sys.argv[1]); import gantry_tau
+print(gantry_tau.run(lambda state, wrench: [20_000, 0, 0], server=sys.argv[2], states=300))";
+    let mut python = python();
+    let program = python.args(["-c", script]).arg(folder()).arg(&session.addresses()[0]).spawn().unwrap();
+    let (code, said) = session.end_of(program);
+    assert_eq!((code, said.as_str()), (Some(0), "Report(states=300, commands=299, saturated=0)\n"));
+    assert_eq!(session.ramped(), Cause::Goodbye);
+    assert_eq!(session.obtained().last().unwrap().state.axes[0].offsets.position.0, 20_000);
+    // The first command alone asks for Submit.
+    let submitted = session.rows.iter().filter(|row| row.state.phase == Phase::Submit).count();
+    assert_eq!(submitted, 1);
     session.quit();
 }
 

@@ -1,9 +1,11 @@
 //! Servers and sensors that are gone, taken, stopped, or talk nonsense.
 
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
-use std::process::Child;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
+use gantry_tau_core::control::client::GOODBYE_STATES;
 use gantry_tau_core::control::message::{
     AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage, State, Welcome,
 };
@@ -14,6 +16,7 @@ use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::failures;
 use super::{folder, python};
+use crate::firmware::program;
 use crate::session::{Session, Tool};
 
 /// Trials of this file.
@@ -24,6 +27,9 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("ctrl_c_before_the_welcome_leaves", interrupted_early),
     ("an_end_by_the_server_is_told_beside_the_own_goodbye", ended_beside_goodbye),
     ("servers_that_are_gone_or_talk_nonsense_are_told", strange_servers),
+    ("servers_that_drip_or_hear_no_goodbye_are_left", slow_servers),
+    ("a_server_of_six_axes_is_asked_again", six_axes),
+    ("constants_are_those_of_the_core", constants),
     ("sensors_that_are_gone_or_silent_are_told", strange_sensors),
     ("every_case_of_the_shared_list_ends_as_it_says", shared_cases),
 ];
@@ -183,6 +189,89 @@ fn strange_servers() {
         assert!(said.contains(&format!("the server at {address} cannot be reached: ")), "{said}");
         assert_eq!(said.lines().count(), 1, "{said}");
     }
+}
+
+/// A server that answers a Hello and whatever comes then, and after each answer, without an end, so many bytes of `rest` every few milliseconds.
+fn dripping(script: Vec<(usize, Vec<u8>)>, rest: Vec<u8>, piece: usize) -> String {
+    let listener = TcpListener::bind(LOOPBACK).unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        for (length, answer) in script {
+            stream.read_exact(&mut vec![0; length]).unwrap();
+            stream.write_all(&answer).unwrap();
+        }
+        for bytes in rest.chunks(piece) {
+            if stream.write_all(bytes).is_err() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    });
+    address
+}
+
+/// Time passes, and bytes come, but no whole State and no end of the session.
+fn slow_servers() {
+    let live = |tick| state(tick, Phase::Handshake, Cause::None);
+    // Longer than any of these waits lasts, at 10 ms for a byte or a State.
+    let dripped = vec![0; 4_000];
+    let welcome = [&granted()[..], &live(6)].concat();
+    let header_of_a_state = live(7)[..6].to_vec();
+    let states: Vec<u8> = (9..4_000).flat_map(live).collect();
+    let length = live(9).len();
+    for (script, rest, piece, words) in [
+        (vec![(HELLO, granted()[..6].to_vec())], dripped[..76].to_vec(), 1, "the server vanished: it "),
+        (
+            vec![(HELLO, welcome.clone()), (COMMAND, header_of_a_state)],
+            dripped[..300].to_vec(),
+            1,
+            "the server vanished: it ",
+        ),
+        (
+            vec![(HELLO, welcome), (COMMAND, live(7)), (COMMAND + GOODBYE, live(8))],
+            states,
+            length,
+            "the server vanished: it has not acknowledged the Goodbye within 100 States",
+        ),
+    ] {
+        let (code, said) = end(&[&dripping(script, rest, piece), "--states", "2"]);
+        assert_eq!(code, Some(7), "{said}");
+        assert!(said.contains(words) && said.lines().count() == 1, "{said}");
+    }
+}
+
+/// It begins with a Hello for three.
+fn six_axes() {
+    let folder = std::env::temp_dir().join(format!("gantry-tau-python-six-{}", std::process::id()));
+    let mut serve = Command::new(program::build());
+    serve.args(["serve", "--robot", "f1", "--pace", "lockstep", "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"]);
+    serve.env("XDG_STATE_HOME", &folder).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut server = serve.spawn().unwrap();
+    let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
+    let listening = lines.find_map(|line| Some(line.unwrap().split_once("listening on ")?.1.to_owned())).unwrap();
+    let address = listening.split_once(',').unwrap().0;
+    let program = constant_offset(&[address, "--offset-um", "1,2,3,4,5,6", "--states", "300"]);
+    let output = program.wait_with_output().unwrap();
+    let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
+    server.kill().unwrap();
+    server.wait().unwrap();
+    let _ = std::fs::remove_dir_all(&folder);
+    assert!(said.starts_with("left with Goodbye after 300 States (0 with a saturated target)"), "{said}");
+}
+
+/// What the client in Python has as numbers and texts.
+fn constants() {
+    let script = "import sys, json; sys.path.insert(0, sys.argv[1]); import gantry_tau as g
+print(json.dumps([g.PHASES, g.CAUSES, g.LIVE, g.GOODBYE_STATES, g.SILENCE_S, g.SAMPLE_STATES, g.FIRST_SAMPLE_STATES, g.CEILING_NM]))";
+    let output = python().args(["-c", script]).arg(folder()).output().unwrap();
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let phases: Vec<&str> = Phase::ALL.iter().map(|phase| phase.name()).collect();
+    let causes: Vec<String> = Cause::ALL.iter().map(Cause::to_string).collect();
+    let live = ["Handshake", "Submit", "Obtain"];
+    // The last four are private to the client in Rust: seconds, States, States, nm.
+    let expected = serde_json::json!([phases, causes, live, GOODBYE_STATES, 3.0, 100, 3_000, 10_000_000]);
+    assert_eq!(found, expected);
 }
 
 /// The list that the client in Rust is run against, too.
