@@ -294,7 +294,7 @@ impl Problem {
     }
 
     fn in_file(self, file: &str) -> RobotFileError {
-        let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let one_line = |text: &str| printable(&text.split_whitespace().collect::<Vec<_>>().join(" "));
         RobotFileError { file: one_line(file), key: one_line(&self.key), reason: one_line(&self.reason) }
     }
 }

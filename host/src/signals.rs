@@ -1,8 +1,8 @@
 //! Signals: those that end a command in good order, and those that must not end or suspend it.
 //!
-//! On Unix they are blocked in every thread, and one thread waits for those that end. SIGXFSZ (a file at its limit), SIGTTOU and SIGTTIN
-//! (a terminal that belongs to another job) stay blocked: writes and reads succeed or return an error instead. SIGPIPE is ignored by Rust's
-//! runtime.
+//! On Unix every signal is blocked in every thread but those of a fault of the program itself, and one thread waits for those that end. So SIGXFSZ
+//! (a file at its limit), SIGTTOU and SIGTTIN (a terminal that belongs to another job) end and suspend nothing: writes and reads succeed or
+//! return an error instead. SIGPIPE is ignored by Rust's runtime.
 
 use std::io;
 use std::sync::{Mutex, PoisonError};
@@ -19,13 +19,22 @@ pub enum Suspension {
     Ignored,
 }
 
-/// Takes the signals over that end a command (Ctrl-C and, on Unix, SIGTERM, SIGHUP and SIGQUIT), for this thread and those that it starts from
-/// now on. Call it before the first of them. Until [`on_quit`] they end the process at once, with exit code 128 + their number.
+/// Takes the signals over that end a command (Ctrl-C and, on Unix, SIGTERM, SIGHUP, SIGQUIT and every other one whose default is the end of the
+/// process, but for SIGKILL and faults), for this thread and those that it starts from now on. Call it before the first of them. Until
+/// [`on_quit`] they end the process at once, with exit code 128 + their number. Signals for applications (SIGRTMIN and up) do nothing.
 ///
 /// # Errors
 /// There is no further thread, or the system does not let signals be blocked.
 pub fn take(suspension: Suspension) -> io::Result<()> {
     system::take(suspension)
+}
+
+/// Makes a write to a file at its limit return an error, where it would end the process.
+///
+/// # Errors
+/// The system does not let signals be blocked.
+pub fn survive_file_limits() -> io::Result<()> {
+    system::survive_file_limits()
 }
 
 /// Calls `quit` with every signal from now on.
@@ -48,16 +57,47 @@ mod system {
 
     use super::{Suspension, signalled};
 
-    const ENDING: [Signal; 4] = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP, Signal::SIGQUIT];
-    const BLOCKED: [Signal; 3] = [Signal::SIGXFSZ, Signal::SIGTTOU, Signal::SIGTTIN];
+    /// Those whose default is the end of the process.
+    const ENDING: [Signal; 11] = [
+        Signal::SIGINT,
+        Signal::SIGTERM,
+        Signal::SIGHUP,
+        Signal::SIGQUIT,
+        Signal::SIGUSR1,
+        Signal::SIGUSR2,
+        Signal::SIGALRM,
+        Signal::SIGVTALRM,
+        Signal::SIGPROF,
+        Signal::SIGIO,
+        Signal::SIGXCPU,
+    ];
+    /// Those of Linux besides.
+    #[cfg(target_os = "linux")]
+    const ENDING_ON_LINUX: [Signal; 2] = [Signal::SIGSTKFLT, Signal::SIGPWR];
+    #[cfg(not(target_os = "linux"))]
+    const ENDING_ON_LINUX: [Signal; 0] = [];
+    /// Faults of the program itself, which cannot go on.
+    const FAULTS: [Signal; 7] = [
+        Signal::SIGSEGV,
+        Signal::SIGBUS,
+        Signal::SIGILL,
+        Signal::SIGFPE,
+        Signal::SIGABRT,
+        Signal::SIGTRAP,
+        Signal::SIGSYS,
+    ];
+
+    pub(super) fn survive_file_limits() -> io::Result<()> {
+        Ok([Signal::SIGXFSZ].into_iter().collect::<SigSet>().thread_block()?)
+    }
 
     pub(super) fn take(suspension: Suspension) -> io::Result<()> {
-        let ending: SigSet =
-            ENDING.into_iter().filter(|signal| *signal != Signal::SIGHUP || !hangup_is_ignored()).collect();
-        let mut blocked: SigSet = BLOCKED.into_iter().collect();
-        blocked.extend(&ending);
-        if suspension == Suspension::Ignored {
-            blocked.add(Signal::SIGTSTP);
+        let all = ENDING.into_iter().chain(ENDING_ON_LINUX);
+        let ending: SigSet = all.filter(|signal| *signal != Signal::SIGHUP || !hangup_is_ignored()).collect();
+        let mut blocked = SigSet::all();
+        FAULTS.into_iter().for_each(|fault| blocked.remove(fault));
+        if suspension == Suspension::Allowed {
+            blocked.remove(Signal::SIGTSTP);
         }
         blocked.thread_block()?;
         let wait = move || {
@@ -90,6 +130,10 @@ mod system {
 
     /// Number of SIGINT.
     const INTERRUPT: i32 = 2;
+
+    pub(super) fn survive_file_limits() -> io::Result<()> {
+        Ok(())
+    }
 
     pub(super) fn take(_: Suspension) -> io::Result<()> {
         ctrlc::set_handler(move || signalled(INTERRUPT)).map_err(io::Error::other)

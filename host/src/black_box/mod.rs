@@ -21,7 +21,7 @@ pub mod loops;
 pub mod swap_channel;
 pub mod writer;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use gantry_tau_core::control::message::Cause;
 use gantry_tau_core::control::session::{BlackBox, Entry, Session};
@@ -104,12 +104,6 @@ impl<const N: usize> Window<N> {
         }
     }
 
-    /// Returns the name of a file of this window's position loops.
-    #[must_use]
-    pub fn loops_file_name(&self) -> String {
-        self.file_name().replace(".jsonl", ".loops.jsonl")
-    }
-
     /// Returns the name of a file of this window: epoch, tick and cause.
     #[must_use]
     pub fn file_name(&self) -> String {
@@ -117,6 +111,11 @@ impl<const N: usize> Window<N> {
         let cause = end.cause.map_or("NoEnd", Cause::name);
         format!("epoch-{}-tick-{}-{cause}.jsonl", end.epoch.0, end.tick.0)
     }
+}
+
+/// Path of the file of a window's position loops, beside that of the window.
+fn loops_beside(window: &Path) -> PathBuf {
+    window.with_extension("loops.jsonl")
 }
 
 /// True for an end after which the next client is let in without a hand at the machine: any client can bring about as many as it likes.

@@ -1,18 +1,25 @@
 //! Writer of a folder of black boxes: every window that is received becomes a file, or an error on the log.
-#![allow(clippy::disallowed_methods, reason = "black boxes are new files always")]
 
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use super::swap_channel::Receiver;
-use super::{FileError, Window};
+use super::{FileError, Window, loops_beside};
+use crate::output::{Kind, Output};
 
 /// Windows of one run that are kept, the newest: a client that comes and goes for ever must not fill the disk.
 const KEPT: usize = 1_000;
 /// Windows of sessions that never obtained, as any client can have, that are kept, the newest: they have no part in the room of the others.
 const KEPT_OF_PASSERS_BY: usize = 16;
+
+/// Rest between two looks for windows.
+const REST: Duration = Duration::from_millis(10);
+/// Longest wait for a disk at the end.
+pub const LAST_WAIT: Duration = Duration::from_secs(5);
 
 /// A folder, and the windows that are written into it.
 #[derive(Debug)]
@@ -54,6 +61,27 @@ impl<const N: usize> Writer<N> {
         }
     }
 
+    /// Writes windows as they arrive, in a thread of its own: a folder on a disk that hangs holds nobody else up.
+    ///
+    /// # Errors
+    /// [`FileError`]: there is no further thread.
+    pub fn start(mut self) -> Result<Writing, FileError> {
+        let has_ended = Arc::new(AtomicBool::new(false));
+        let (ended, folder) = (Arc::clone(&has_ended), self.folder.clone());
+        let write = move || {
+            // But for its folder. Without the right to give them up it has none.
+            let _ = crate::privileges::give_up(std::slice::from_ref(&self.folder));
+            while !ended.load(Ordering::Acquire) {
+                self.write_waiting();
+                std::thread::sleep(REST);
+            }
+            self.finish()
+        };
+        let thread = std::thread::Builder::new().name("black boxes".to_owned()).spawn(write);
+        let thread = thread.map_err(|error| FileError::of(&folder, error))?;
+        Ok(Writing { folder, has_ended, thread })
+    }
+
     /// Writes the last windows.
     ///
     /// # Errors
@@ -74,7 +102,7 @@ impl<const N: usize> Writer<N> {
         let path = self.folder.join(window.file_name());
         match self.write_files(window, &path) {
             Ok(files) => {
-                tracing::info!("black box: {}", path.display());
+                tracing::info!("black box: {}", files.first().unwrap_or(&path).display());
                 if is_of_value {
                     self.written.keep(files);
                 } else {
@@ -90,14 +118,42 @@ impl<const N: usize> Writer<N> {
 
     /// Returns the files of a window.
     fn write_files(&self, window: &Window<N>, path: &Path) -> Result<Vec<PathBuf>, FileError> {
-        let mut files = vec![path.to_owned()];
-        create(path, &window.encode()).map_err(|error| FileError::of(path, error))?;
+        let write = |path: &Path, text: &str| {
+            Output::new(path, Kind::BlackBox).write(text).map_err(|error| FileError::of(path, error))
+        };
+        let path = write(path, &window.encode())?;
+        let mut files = vec![path.clone()];
         if let Some(loops) = &window.loops {
-            let path = self.folder.join(window.loops_file_name());
-            create(&path, &loops.encode()).map_err(|error| FileError::of(&path, error))?;
-            files.push(path);
+            files.push(write(&loops_beside(&path), &loops.encode())?);
         }
         Ok(files)
+    }
+}
+
+/// Folder of black boxes that a thread writes.
+#[derive(Debug)]
+pub struct Writing {
+    folder: PathBuf,
+    has_ended: Arc<AtomicBool>,
+    thread: JoinHandle<Result<(), FileError>>,
+}
+
+impl Writing {
+    /// Ends with the last windows; the cycle that sends them has ended.
+    ///
+    /// # Errors
+    /// [`FileError`]: as of [`Writer::finish`], or the disk takes nothing for [`LAST_WAIT`].
+    pub fn finish(self) -> Result<(), FileError> {
+        self.has_ended.store(true, Ordering::Release);
+        let until = Instant::now() + LAST_WAIT;
+        while !self.thread.is_finished() && Instant::now() < until {
+            std::thread::sleep(REST);
+        }
+        if !self.thread.is_finished() {
+            return Err(FileError::of(&self.folder, "the last black boxes are not written: the disk hangs"));
+        }
+        // A panic was reported on stderr.
+        self.thread.join().unwrap_or_else(|_| Err(FileError::of(&self.folder, "the writer of black boxes panicked")))
     }
 }
 
@@ -118,9 +174,4 @@ impl<const MOST: usize> Newest<MOST> {
             }
         }
     }
-}
-
-/// Writes a new file: the evidence of another run is never overwritten.
-fn create(path: &Path, text: &str) -> std::io::Result<()> {
-    File::create_new(path)?.write_all(text.as_bytes())
 }

@@ -134,5 +134,9 @@ impl<const N: usize> Watch<N> {
 
 /// Reads commands from the standard input, in a thread that ends with the process.
 fn listen_to_the_operator<const N: usize>(controls: Arc<ClientControls>, watch: Watch<N>) {
-    std::thread::spawn(move || operator::listen(std::io::stdin().lock(), &controls, || watch.say()));
+    let thread = std::thread::Builder::new().name("keyboard".to_owned());
+    let listen = move || operator::listen(std::io::stdin().lock(), &controls, || watch.say());
+    if let Err(error) = thread.spawn(listen) {
+        tracing::warn!("commands cannot be typed ({error}); Ctrl-C leaves");
+    }
 }

@@ -1,12 +1,12 @@
 //! `gantry-tau experiment`.
 
 use std::any::Any;
-use std::io::BufRead;
+use std::io::{BufRead, Read};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 
 use clap::Args;
 use gantry_tau::dial::Addresses;
@@ -19,7 +19,7 @@ use gantry_tau::measurements::format_of;
 use gantry_tau::measurements::plan::{self, Plan};
 use gantry_tau::measurements::poses::{self, PosesPlan};
 use gantry_tau::model::MachineKind;
-use gantry_tau::output::{Kind, Output};
+use gantry_tau::output::{Kind, Output, rows};
 use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::signals;
 use gantry_tau::springs::thesis;
@@ -115,7 +115,7 @@ impl Experiment {
             AnyRobotFile::L2(robot) => self.tracked(*robot, seed)?,
             AnyRobotFile::F1(robot) => self.tracked(*robot, seed)?,
         };
-        let is_taken = std::fs::read_to_string(&*self.output).is_ok_and(|old| old.lines().count() > 1);
+        let is_taken = std::fs::read_to_string(&*self.output).is_ok_and(|old| rows(&old) > 0);
         if is_taken {
             return Err(format!("{} has rows; remove it, or name another file", self.output.display()).into());
         }
@@ -221,16 +221,29 @@ impl Experiment {
     }
 }
 
+/// Longest line that is typed, bytes.
+const LONGEST_LINE: u64 = 4_096;
+/// Lines that wait.
+const WAITING_LINES: usize = 64;
+
 /// Lines of the keyboard, from a thread that ends with the process.
 fn lines_typed() -> Receiver<String> {
-    let (lines, typed) = channel();
-    std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-            if lines.send(line).is_err() {
+    let (lines, typed) = sync_channel(WAITING_LINES);
+    let read = move || {
+        let mut input = std::io::stdin().lock();
+        loop {
+            let mut line = Vec::new();
+            // A longer one is none of its commands, and no readings of its gauges.
+            let read = input.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line);
+            let line = String::from_utf8_lossy(&line).trim().to_owned();
+            if !read.is_ok_and(|bytes| bytes > 0) || lines.send(line).is_err() {
                 return;
             }
         }
-    });
+    };
+    if let Err(error) = std::thread::Builder::new().name("keyboard".to_owned()).spawn(read) {
+        tracing::warn!("commands cannot be typed ({error}); Ctrl-C leaves");
+    }
     typed
 }
 

@@ -125,6 +125,9 @@ pub(crate) fn main() -> ExitCode {
     // Errors of the writer would be reported by `eprintln!`, which panics when stderr fails.
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(LogWriter).log_internal_errors(false);
     log.with_target(false).compact().init();
+    if let Err(error) = signals::survive_file_limits() {
+        return fail(1, error);
+    }
     let matches = Arguments::command().get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if let Err(error) = outputs::check(&matches) {
@@ -156,7 +159,13 @@ pub(crate) fn main() -> ExitCode {
         Command::Experiment(experiment) => experiment.run(),
         Command::Solve => solve(),
     };
-    outcome.unwrap_or_else(|error| fail(1, error))
+    match outcome {
+        Err(error) => fail(1, error),
+        Ok(code) => match gantry_tau::terminal::output_failure() {
+            Some(reason) if code == ExitCode::SUCCESS => fail(1, format_args!("standard output: {reason}")),
+            _ => code,
+        },
+    }
 }
 
 /// Exit code of a command; an error is printed and becomes 1.

@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use clap::{ArgGroup, Args};
 use gantry_tau::black_box::swap_channel;
-use gantry_tau::black_box::writer::Writer;
+use gantry_tau::black_box::writer::{LAST_WAIT, Writer, Writing};
 use gantry_tau::gauge_link::GaugePublisher;
 use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
@@ -230,7 +230,7 @@ impl Serve {
         if let Some(folder) = &self.black_box {
             let (cycles, windows) = swap_channel::channel();
             sender = Some(cycles);
-            black_boxes = Some(Writer::open(folder, windows)?);
+            black_boxes = Some(Writer::open(folder, windows)?.start()?);
         }
         let (machine, mut each) = open()?;
         let cycle = Cycle::listening(config, motors, machine, epochs, latch, clients)?;
@@ -271,9 +271,6 @@ impl Serve {
             if let Some(file) = &mut file {
                 file.push(*row, happened);
             }
-            if let Some(black_boxes) = &mut black_boxes {
-                black_boxes.write_waiting();
-            }
         });
         let controls = Arc::clone(&server.controls);
         let code = match server.quit() {
@@ -285,9 +282,9 @@ impl Serve {
             Err(error @ ServerError::StopNotStored) => fail(4, error),
             Err(error) => return Err(error.into()),
         };
-        flusher.flush();
+        flusher.finish(LAST_WAIT);
         let dropped = controls.dropped_rows.load(Ordering::Relaxed);
-        let boxes_written = black_boxes.map_or(Ok(()), Writer::finish);
+        let boxes_written = black_boxes.map_or(Ok(()), Writing::finish);
         if let Some(recorded) = file.and_then(|file| file.finish(dropped)) {
             say(&recorded);
             if let Some(failure) = recorded.failure {
@@ -430,5 +427,8 @@ impl Serve {
 
 /// Reads the keyboard in a thread that ends with the process.
 fn listen_to_the_keyboard(controls: Arc<Controls>) {
-    std::thread::spawn(move || keyboard::listen(std::io::stdin().lock(), &controls));
+    let thread = std::thread::Builder::new().name("keyboard".to_owned());
+    if let Err(error) = thread.spawn(move || keyboard::listen(std::io::stdin().lock(), &controls)) {
+        tracing::warn!("commands cannot be typed ({error}); Ctrl-C ramps to zero and ends");
+    }
 }

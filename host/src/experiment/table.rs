@@ -9,7 +9,7 @@ use super::ExperimentError;
 use crate::measurements::plan::Plan;
 use crate::measurements::springs::{LOAD, windows_of};
 use crate::measurements::table::{columns, row};
-use crate::output::{GrowingFile, Name};
+use crate::output::{GrowingFile, Name, rows};
 
 /// A window as it was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,14 +102,14 @@ impl Table {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             Err(error) => return Err(failed_io(error)),
         };
-        let rows = old.lines().filter(|line| !line.trim().is_empty()).count().saturating_sub(1);
+        let rows = rows(&old);
         // An empty table has a header; anything else was not meant.
         if rows == 0 && !old.trim().is_empty() && !old.starts_with("series,") {
             return Err(failed("it exists and is not a table of windows".to_owned()));
         }
         let (mut taken, mut last_s) = (HashSet::new(), 0.0);
         if rows > 0 {
-            if columns(old.lines().next().unwrap_or_default()) != expected {
+            if columns(old.split(['\n', '\r']).next().unwrap_or_default()) != expected {
                 return Err(failed(format!("its columns are not those of this plan: {}", row(&expected).trim_end())));
             }
             if !old.ends_with('\n') {

@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use crate::output::printable;
+
 pub use table::MAX_ROWS;
 
 /// First key of a set-up, whatever follows.
@@ -76,7 +78,7 @@ impl FileError {
 }
 
 fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    printable(&text.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
 impl fmt::Display for FileError {

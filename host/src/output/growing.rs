@@ -6,7 +6,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::place::{self, Place};
-use super::{WriteError, shown};
+use super::{Kind, WriteError, shown};
 
 /// Largest number behind the name of a recording.
 const MAX_NUMBER: u32 = 99_999;
@@ -24,8 +24,11 @@ enum State {
     Fresh {
         companion: Option<&'static str>,
     },
-    /// To be made in the place of a table without rows.
-    Replacing,
+    /// To be made in the place of a table without rows, or of none.
+    Replacing {
+        /// There is one.
+        exists: bool,
+    },
     Open(File),
 }
 
@@ -49,7 +52,7 @@ impl GrowingFile {
     /// # Errors
     /// [`WriteError`]: no file can be made there.
     pub(crate) fn replacing(path: &Path) -> Result<Self, WriteError> {
-        Self::at(path, Place::of(path)?, State::Replacing)
+        Self::at(path, Place::of(path)?, State::Replacing { exists: path.exists() })
     }
 
     /// The end of a file that exists.
@@ -57,7 +60,7 @@ impl GrowingFile {
     /// # Errors
     /// [`WriteError`]: it cannot be opened.
     pub(crate) fn continuing(path: &Path) -> Result<Self, WriteError> {
-        let file = place::append(path).map_err(|error| WriteError::system(path, &error))?;
+        let file = place::append(path).and_then(place::owned).map_err(|error| WriteError::system(path, &error))?;
         Ok(Self { path: path.to_owned(), state: State::Open(file) })
     }
 
@@ -92,7 +95,7 @@ impl GrowingFile {
     /// # Errors
     /// Error of the system.
     pub fn open(&mut self) -> io::Result<&mut File> {
-        let file = match std::mem::replace(&mut self.state, State::Replacing) {
+        let file = match std::mem::replace(&mut self.state, State::Replacing { exists: true }) {
             State::Open(file) => file,
             State::Fresh { companion } => match fresh(&self.path, companion) {
                 Ok((path, file)) => {
@@ -104,10 +107,21 @@ impl GrowingFile {
                     return Err(error);
                 }
             },
-            State::Replacing => {
+            // Another program may have made it meanwhile.
+            State::Replacing { exists: false } => match place::create_new(&self.path).and_then(place::owned) {
+                Ok(file) => file,
+                Err(error) => {
+                    self.state = State::Replacing { exists: false };
+                    return Err(error);
+                }
+            },
+            State::Replacing { exists: true } => {
                 let target = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
+                if !Kind::Table.replaces(&target) {
+                    return Err(io::Error::other("another program has written rows to it meanwhile"));
+                }
                 let beside = place::beside(&target, 0);
-                let file = place::create_new(&beside)?;
+                let file = place::owned(place::create_new(&beside)?)?;
                 fs::rename(&beside, &target)?;
                 file
             }

@@ -54,6 +54,18 @@ impl fmt::Display for Kind {
     }
 }
 
+/// Number of rows below the header of a table. A row ends where readers of CSV see its end: at a line feed or a carriage return.
+#[must_use]
+pub fn rows(table: &str) -> usize {
+    table.split(['\n', '\r']).filter(|line| !line.trim().is_empty()).count().saturating_sub(1)
+}
+
+/// Key of a line of TOML, and the rest of the line behind the quotation mark of its text.
+fn quoted(line: &str) -> Option<(&str, &str)> {
+    let (key, text) = line.split_once('=')?;
+    Some((key.trim(), text.trim_start().strip_prefix(['"', '\''])?))
+}
+
 impl Kind {
     /// True if a file of this kind is replaced with `--force` only: work has gone into it.
     pub(super) const fn needs_force(self) -> bool {
@@ -79,7 +91,9 @@ impl Kind {
     /// True if a text begins as one of this kind.
     fn is_shown_by(self, head: &str) -> bool {
         let start: String = head.chars().take(MARKED).collect();
-        let has_key = |key: &str| head.lines().any(|line| line.trim_start().starts_with(key));
+        let has_key = |key: &str, begin: &str| {
+            head.lines().filter_map(quoted).any(|(named, text)| named == key && text.starts_with(begin))
+        };
         match self {
             Self::Page | Self::Sheet | Self::Picture => start.contains(self.mark()),
             Self::Answer => {
@@ -89,12 +103,12 @@ impl Kind {
             }
             Self::Header => start.contains("Written by `gantry-tau header`"),
             Self::Map => start.starts_with("x_m,y_m,z_m,code,condition,"),
-            Self::Plan => has_key("format = \"gantry-tau "),
+            Self::Plan => has_key("format", "gantry-tau "),
             Self::Table => {
                 let begins = ["series,", "pose,"].iter().any(|column| start.starts_with(column));
-                begins && head.lines().skip(1).all(|line| line.trim().is_empty())
+                begins && rows(head) == 0
             }
-            Self::Robot => has_key("model = \"") && !has_key("format = \"gantry-tau "),
+            Self::Robot => has_key("model", "") && !has_key("format", "gantry-tau "),
             Self::BlackBox => false,
         }
     }

@@ -25,7 +25,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 pub use growing::GrowingFile;
-pub use kind::Kind;
+pub use kind::{Kind, rows};
 pub use name::{MAX_NAME, Name, NameError, printable};
 use place::Place;
 
@@ -139,7 +139,12 @@ impl Output {
     pub fn write(&self, text: &str) -> Result<PathBuf, WriteError> {
         if self.kind == Kind::BlackBox {
             let mut file = GrowingFile::fresh(&self.path, None)?;
-            file.write_all(text.as_bytes()).map_err(|error| WriteError::system(&self.path, &error))?;
+            if let Err(error) = file.write_all(text.as_bytes()) {
+                if file.is_open() {
+                    let _empty = fs::remove_file(file.path());
+                }
+                return Err(WriteError::system(&self.path, &error));
+            }
             return Ok(file.path().to_owned());
         }
         write_all(&[(self, text)])?;
@@ -215,6 +220,7 @@ impl Drop for Beside {
 /// # Errors
 /// [`WriteError::Input`], [`WriteError::Twice`].
 pub fn check_apart(outputs: &[&Path], inputs: &[&Path]) -> Result<(), WriteError> {
+    let names: Vec<PathBuf> = outputs.iter().map(|output| place::resolved(output)).collect();
     for (index, output) in outputs.iter().enumerate() {
         // Terminals and pipes may be read and written.
         if fs::metadata(output).is_ok_and(|old| !old.is_file() && !old.is_dir()) {
@@ -223,7 +229,9 @@ pub fn check_apart(outputs: &[&Path], inputs: &[&Path]) -> Result<(), WriteError
         if let Some(input) = inputs.iter().find(|input| place::is_same_file(output, input)) {
             return Err(WriteError::Input { path: shown(output), input: shown(input) });
         }
-        if outputs.iter().take(index).any(|other| other == output || place::is_same_file(output, other)) {
+        let others = names.iter().take(index).zip(outputs);
+        if others.into_iter().any(|(name, other)| Some(name) == names.get(index) || place::is_same_file(output, other))
+        {
             return Err(WriteError::Twice(shown(output)));
         }
     }

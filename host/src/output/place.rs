@@ -67,6 +67,23 @@ pub(super) fn append(path: &Path) -> io::Result<File> {
     OpenOptions::new().append(true).open(path)
 }
 
+/// Takes the lock of a file that grows: of two programs one writes it.
+#[cfg(unix)]
+pub(super) fn owned(file: File) -> io::Result<File> {
+    use rustix::fs::{FlockOperation, flock};
+    match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+        Err(rustix::io::Errno::WOULDBLOCK) => Err(io::Error::other("another program writes it")),
+        // A file system without locks.
+        _ => Ok(file),
+    }
+}
+
+/// Does nothing: there is no lock here that does not bar readers.
+#[cfg(not(unix))]
+pub(super) fn owned(file: File) -> io::Result<File> {
+    Ok(file)
+}
+
 /// Opens a device or a pipe.
 #[allow(clippy::disallowed_methods, reason = "outputs are opened in this module only")]
 pub(super) fn open_stream(path: &Path) -> io::Result<File> {
@@ -76,6 +93,13 @@ pub(super) fn open_stream(path: &Path) -> io::Result<File> {
 /// Writes to a device or a pipe.
 pub(super) fn write_stream(path: &Path, bytes: &[u8]) -> io::Result<()> {
     open_stream(path)?.write_all(bytes)
+}
+
+/// A path by which a file is known even before it exists: its folder resolved.
+pub(super) fn resolved(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
+    fs::canonicalize(path).ok().or_else(folder).unwrap_or_else(|| path.to_owned())
 }
 
 /// True if both paths name the same existing file.

@@ -50,6 +50,69 @@ const TEXTS: [(Kind, &str); 9] = [
     (Kind::Robot, "# a machine\nmodel = \"l2\"\n"),
 ];
 
+/// Found from outside: rows that end with a carriage return were rows to the reader, and none to the writer.
+#[test]
+fn a_table_has_rows_where_its_reader_sees_some() {
+    let folder = Folder::new("rows");
+    for (text, count) in [
+        ("series,pose\n", 0),
+        ("series,pose\r\n \r\n", 0),
+        ("series,pose\rs1,p1\r", 1),
+        ("series,pose\r\ns1,p1\r\n", 1),
+        ("", 0),
+    ] {
+        assert_eq!(rows(text), count, "{text:?}");
+        let table = folder.put("table.csv", text);
+        assert_eq!(Output::new(&table, Kind::Table).check(true).is_ok(), count == 0, "{text:?}");
+    }
+}
+
+/// Found from outside: a set-up without spaces was taken for a robot file.
+#[test]
+fn kinds_of_toml_are_known_by_keys_and_not_by_spaces() {
+    let folder = Folder::new("toml");
+    for (text, kind) in [
+        ("format=\"gantry-tau springs 1\"\nmodel=\"l2\"\n", Kind::Plan),
+        ("format  =  'gantry-tau springs 1'\nmodel = 'l2'\n", Kind::Plan),
+        ("model=\"l2\"\n", Kind::Robot),
+        ("\tmodel = 'l2'\n", Kind::Robot),
+    ] {
+        let file = folder.put("file.toml", text);
+        for output in [Kind::Plan, Kind::Robot] {
+            assert_eq!(Output::new(&file, output).check(true).is_ok(), output == kind, "{text:?} by {output}");
+        }
+    }
+}
+
+#[test]
+fn two_spellings_of_one_name_are_one_file_before_it_exists() {
+    let folder = Folder::new("spelled");
+    let [plain, dotted, other] = ["k.csv", "./k.csv", "l.csv"].map(|name| folder.path(name));
+    assert!(matches!(check_apart(&[&plain, &dotted], &[]), Err(WriteError::Twice(_))));
+    check_apart(&[&plain, &other], &[]).unwrap();
+}
+
+/// Found from outside: of two campaigns onto one new table the first one's rows were lost.
+#[test]
+fn a_table_that_another_program_writes_is_left_to_it() {
+    let folder = Folder::new("shared");
+    for old in [None, Some("series,pose\n")] {
+        let path = folder.path("table.csv");
+        let _ = fs::remove_file(&path);
+        old.iter().for_each(|text| fs::write(&path, text).unwrap());
+        let [mut first, mut second] = [(); 2].map(|()| GrowingFile::replacing(&path).unwrap());
+        first.write_all(b"series,pose\ns1,p1\n").unwrap();
+        let error = second.write_all(b"series,pose\n").unwrap_err().to_string();
+        assert!(error.contains("exists") || error.contains("another program"), "{error}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "series,pose\ns1,p1\n");
+        let continued = GrowingFile::continuing(&path).unwrap_err().to_string();
+        assert!(continued.contains("another program writes it"), "{continued}");
+        drop(first);
+        GrowingFile::continuing(&path).unwrap();
+    }
+    assert_eq!(folder.names(), ["table.csv"]);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_stream_that_is_full_is_an_error() {

@@ -10,10 +10,11 @@ mod room;
 mod seen;
 mod tally;
 
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub use about::About;
 pub use columns::ClientRow;
@@ -32,13 +33,28 @@ const REST: Duration = Duration::from_millis(5);
 /// Rows that may wait for a slow disk, about eight seconds.
 const QUEUE: usize = 8_192;
 
+/// Longest wait at the end for a disk, or a reader, that takes nothing.
+const LAST_WAIT: Duration = Duration::from_secs(5);
+
 /// Producer side of a recording: pushing never blocks and never allocates.
 #[derive(Debug)]
 pub struct Recorder<T, const N: usize> {
+    /// Path that was asked for.
+    path: PathBuf,
     queue: rtrb::Producer<(T, Vec<Event>)>,
-    thread: JoinHandle<Recording<N>>,
+    thread: JoinHandle<Recorded>,
     dropped: u64,
-    has_failed: Arc<AtomicBool>,
+    shared: Arc<Shared>,
+}
+
+/// What the writing thread and the producer tell each other.
+#[derive(Debug, Default)]
+struct Shared {
+    has_failed: AtomicBool,
+    /// Rows that were taken from the queue.
+    taken: AtomicU64,
+    /// Rows that were lost before the queue, once it is at its end.
+    dropped: AtomicU64,
 }
 
 impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
@@ -49,29 +65,27 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
     pub fn start(mut recording: Recording<N>) -> Result<Self, RecordError> {
         let path = recording.path().to_owned();
         let (queue, mut rows) = rtrb::RingBuffer::<(T, Vec<Event>)>::new(QUEUE);
-        let has_failed = Arc::new(AtomicBool::new(false));
-        let fails = Arc::clone(&has_failed);
-        let thread = std::thread::Builder::new()
-            .name("recorder".to_owned())
-            .spawn(move || {
-                // But for its file. Without the right to give them up it has none.
-                let _ = crate::privileges::give_up(&[recording.path().to_owned()]);
-                drain(&mut rows, |(row, events), _| {
-                    recording.write(row, events);
-                    if recording.has_failed() {
-                        fails.store(true, Ordering::Relaxed);
-                    }
-                });
-                recording
-            })
-            .map_err(|error| RecordError { path, reason: error.to_string() })?;
-        Ok(Self { queue, thread, dropped: 0, has_failed })
+        let shared = Arc::new(Shared::default());
+        let told = Arc::clone(&shared);
+        let write = move || {
+            // But for its file. Without the right to give them up it has none.
+            let _ = crate::privileges::give_up(&[recording.path().to_owned()]);
+            drain(&mut rows, |(row, events), _| {
+                recording.write(row, events);
+                told.taken.fetch_add(1, Ordering::Relaxed);
+                told.has_failed.fetch_or(recording.has_failed(), Ordering::Relaxed);
+            });
+            recording.finish(told.dropped.load(Ordering::Acquire))
+        };
+        let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(write);
+        let thread = thread.map_err(|error| RecordError { path: path.clone(), reason: error.to_string() })?;
+        Ok(Self { path, queue, thread, dropped: 0, shared })
     }
 
     /// True once rows are lost: the file has failed, or does not take them in time.
     #[must_use]
     pub fn loses_rows(&self) -> bool {
-        self.dropped > 0 || self.has_failed.load(Ordering::Relaxed)
+        self.dropped > 0 || self.shared.has_failed.load(Ordering::Relaxed)
     }
 
     /// Adds a row with what happened in it, or counts it as dropped; the first one is told.
@@ -85,12 +99,25 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
     }
 
     /// Ends the recording, and adds rows that were dropped before they came here. `None` if the writing thread panicked, which was reported
-    /// on stderr.
+    /// on stderr. A file whose disk or reader takes nothing for [`LAST_WAIT`] is left as it is: that is its failure then.
     #[must_use]
     pub fn finish(self, dropped: u64) -> Option<Recorded> {
-        let Self { queue, thread, dropped: here, .. } = self;
+        let Self { path, queue, thread, dropped: here, shared } = self;
+        let lost = here.saturating_add(dropped);
+        shared.dropped.store(lost, Ordering::Release);
         drop(queue);
-        thread.join().ok().map(|recording| recording.finish(here + dropped))
+        let (mut taken, mut until) = (0, Instant::now() + LAST_WAIT);
+        while !thread.is_finished() {
+            std::thread::sleep(REST);
+            let now = shared.taken.load(Ordering::Relaxed);
+            if now != taken {
+                (taken, until) = (now, Instant::now() + LAST_WAIT);
+            }
+            if Instant::now() > until {
+                return Some(Recorded::blocked(&path, taken, lost));
+            }
+        }
+        thread.join().ok()
     }
 }
 
@@ -164,6 +191,23 @@ mod tests {
         }
         std::fs::remove_file(&path).unwrap();
         let recorded = finishing.join().unwrap().unwrap();
-        assert!(recorded.written >= 8_192 && recorded.lost == 100, "{recorded:?}");
+        assert!(recorded.written >= 8_192 && recorded.lost == 100 && recorded.failure.is_none(), "{recorded:?}");
+    }
+
+    /// Found from outside: a reader that takes nothing kept the process, and with it the lock of its machine.
+    #[test]
+    fn a_reader_that_takes_nothing_does_not_keep_the_end() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let path = std::env::temp_dir().join(format!("gantry-tau-kept-{}.csv", std::process::id()));
+        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+        let _reader = OpenOptions::new().read(true).custom_flags(nonblocking).open(&path).unwrap();
+        let to: RecordTo = path.to_str().unwrap().parse().unwrap();
+        let mut recorder = Recorder::start(Recording::create::<Row<3>, _>(&to, &robot).unwrap()).unwrap();
+        (0..5_000).for_each(|_| recorder.push(Row::<3>::listening(), Vec::new()));
+        let recorded = recorder.finish(0).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let said = recorded.to_string();
+        assert!(said.contains("takes nothing") && recorded.written < 5_000, "{said}");
     }
 }

@@ -29,6 +29,15 @@ pub struct Recorded {
     pub full: Option<Full>,
 }
 
+impl Recorded {
+    /// A recording whose disk or reader takes nothing more.
+    pub(super) fn blocked(path: &Path, taken: u64, lost: u64) -> Self {
+        let reason = "its disk or reader takes nothing; what waits for it is lost".to_owned();
+        let failure = Some(RecordError { path: path.to_owned(), reason });
+        Self { path: path.to_owned(), written: taken, lost, failure, full: None }
+    }
+}
+
 impl fmt::Display for Recorded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let path = self.path.display();

@@ -27,6 +27,10 @@ impl Lock {
             Err(error) => return Err(error),
         };
         let Some(mut file) = file else { return Ok(Err(owner_of(path))) };
+        let text = regular_file::read(&mut file)?;
+        if !text.is_empty() && !text.starts_with(b"pid ") {
+            return Err(io::Error::new(ErrorKind::InvalidInput, "is another file, not a lock of gantry-tau"));
+        }
         file.set_len(0)?;
         file.seek(SeekFrom::Start(0))?;
         writeln!(file, "pid {} ({owner})", std::process::id())?;

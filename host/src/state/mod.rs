@@ -103,8 +103,6 @@ impl Condition {
 #[derive(Debug)]
 pub struct State {
     epoch_file: PathBuf,
-    /// The epoch file that was read: this one, or that of an earlier version.
-    source: PathBuf,
     /// Last epoch that was given away; `None` without a file.
     used: Option<u64>,
     /// `None` without a file.
@@ -146,15 +144,9 @@ impl State {
         let lock_file = beside(path, "lock");
         let taken = Lock::take(&lock_file, owner).map_err(|error| unreachable("lock", &lock_file, &error))?;
         let lock = taken.map_err(|owner| StateError::InUse { path: path.clone(), owner })?;
-        let mut source = path;
-        let mut used = epoch::read(path)?;
-        let mut is_latched = stop_latch::read(&beside(path, "stop"))?;
-        if let (None, None, Some(earlier)) = (used, is_latched, &place.earlier) {
-            source = earlier;
-            used = epoch::read(earlier)?;
-            is_latched = stop_latch::read(&beside(earlier, "stop"))?;
-        }
-        Ok(Self { epoch_file: path.clone(), source: source.clone(), used, is_latched, lock })
+        let used = epoch::read(path)?;
+        let is_latched = stop_latch::read(&beside(path, "stop"))?;
+        Ok(Self { epoch_file: path.clone(), used, is_latched, lock })
     }
 
     /// Reserves epochs and opens the latch: from here on the state is that of this run.
@@ -169,16 +161,13 @@ impl State {
     }
 
     fn condition(&self, first_run: FirstRun) -> Result<Condition, StateError> {
-        let [epoch, latch] = [self.source.clone(), beside(&self.source, "stop")];
-        let is_own = self.source == self.epoch_file;
+        let [epoch, latch] = [self.epoch_file.clone(), beside(&self.epoch_file, "stop")];
         Ok(match (self.used, self.is_latched) {
             (None, None) if first_run == FirstRun::Unexpected => Condition::Missing { path: self.epoch_file.clone() },
             (None, None) => Condition::Released,
-            _ if first_run == FirstRun::Declared && is_own => {
+            _ if first_run == FirstRun::Declared => {
                 return Err(StateError::NotFirst { path: if self.used.is_some() { epoch } else { latch } });
             }
-            // The file of an earlier version is of all machines: its stop need not be this one's.
-            _ if first_run == FirstRun::Declared => Condition::Released,
             (_, Some(true)) => Condition::Stopped,
             (None, Some(false)) => Condition::Incomplete { path: epoch },
             (Some(_), None) => Condition::Incomplete { path: latch },

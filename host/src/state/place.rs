@@ -57,8 +57,6 @@ impl fmt::Display for MachineName {
 pub struct Place {
     /// The epoch file; latch and lock lie beside it.
     pub epoch_file: PathBuf,
-    /// The epoch file of version 0.1, one for all machines of a login: taken over where the other is missing.
-    pub earlier: Option<PathBuf>,
     /// Remedy if the place cannot be used.
     pub remedy: &'static str,
 }
@@ -68,7 +66,7 @@ impl Place {
     #[must_use]
     pub fn named(epoch_file: &Path) -> Self {
         let remedy = "name a file that this user can write with --epoch-file";
-        Self { epoch_file: epoch_file.to_owned(), earlier: None, remedy }
+        Self { epoch_file: epoch_file.to_owned(), remedy }
     }
 }
 
@@ -109,8 +107,6 @@ impl Environment {
     /// # Errors
     /// [`PlaceError`]: the user has no such folder.
     pub fn place(&self, machine: &MachineName, is_simulated: bool) -> Result<Place, PlaceError> {
-        let users = self.users_folder();
-        let earlier = users.as_ref().map(|folder| folder.join("epoch"));
         let (folder, remedy) = if let Some(given) = self.state_directory.as_ref().and_then(first_absolute) {
             (given, "it is the service's StateDirectory; or name a file with --epoch-file")
         } else if cfg!(unix) && (self.is_root || !is_simulated) {
@@ -118,9 +114,9 @@ impl Environment {
                           or name a file with --epoch-file";
             (Path::new(VAR_LIB).join(FOLDER), remedy)
         } else {
-            (users.ok_or(PlaceError)?, "name a file that this user can write with --epoch-file")
+            (self.users_folder().ok_or(PlaceError)?, "name a file that this user can write with --epoch-file")
         };
-        Ok(Place { epoch_file: folder.join(&machine.0).join("epoch"), earlier, remedy })
+        Ok(Place { epoch_file: folder.join(&machine.0).join("epoch"), remedy })
     }
 
     /// The user's folder of states. The XDG Base Directory Specification asks to ignore paths that are empty or relative.

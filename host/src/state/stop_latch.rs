@@ -6,6 +6,8 @@
 use std::fs::File;
 use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
 
 use super::StateError;
 use super::epoch::sync_folder;
@@ -99,34 +101,77 @@ impl StopLatch {
     }
 }
 
-/// Flushes a latch, in a thread that may wait for the disk.
+/// Flushes a latch, in a thread of its own: it may wait for the disk.
 #[derive(Debug)]
 pub struct LatchFlusher {
+    /// Absent if nothing is kept, or if there is no further thread.
+    changes: Option<Sender<()>>,
+    flushed: Receiver<()>,
     file: Option<File>,
     is_latched: bool,
+    /// Changes that are not known to be flushed.
+    waiting: u32,
 }
 
 impl LatchFlusher {
     /// The flusher of a latch.
     #[must_use]
     pub fn of(latch: &StopLatch) -> Self {
-        Self { file: latch.file.as_ref().and_then(|file| file.try_clone().ok()), is_latched: latch.is_latched }
+        let file = || latch.file.as_ref().and_then(|file| file.try_clone().ok());
+        let (changes, asked) = channel();
+        let (told, flushed) = channel();
+        let flush = file().map(|file| {
+            move || {
+                // It needs none; without the right to give them up it has none.
+                let _ = crate::privileges::give_up(&[]);
+                while asked.recv().is_ok() {
+                    flush(&file);
+                    if told.send(()).is_err() {
+                        return;
+                    }
+                }
+            }
+        });
+        let started = flush.map(|flush| std::thread::Builder::new().name("stop latch".to_owned()).spawn(flush).is_ok());
+        let changes = (started == Some(true)).then_some(changes);
+        Self { changes, flushed, file: file(), is_latched: latch.is_latched, waiting: 0 }
     }
 
-    /// Flushes when a stop is latched or released, and returns true if it did. In a quit the phase does not tell when.
+    /// Has it flushed when a stop is latched or released, and returns true if it does. In a quit the phase does not tell when.
     pub fn see(&mut self, is_latched: bool) -> bool {
         let changed = self.is_latched != is_latched;
         if changed {
             self.is_latched = is_latched;
-            self.flush();
+            self.ask();
         }
         changed
     }
 
-    /// Flushes.
-    pub fn flush(&self) {
-        if let Some(Err(error)) = self.file.as_ref().map(File::sync_data) {
-            tracing::error!("the stop latch cannot be flushed to the disk: {error}");
+    fn ask(&mut self) {
+        match (&self.changes, &self.file) {
+            (Some(changes), _) if changes.send(()).is_ok() => self.waiting = self.waiting.saturating_add(1),
+            (_, Some(file)) => flush(file),
+            _ => {}
         }
+    }
+
+    /// Flushes once more, at the end, and waits until that is done, at most `patience`.
+    pub fn finish(mut self, patience: Duration) {
+        self.ask();
+        let until = Instant::now() + patience;
+        for _ in 0..self.waiting {
+            if self.flushed.recv_timeout(until.saturating_duration_since(Instant::now())).is_err() {
+                tracing::error!(
+                    "the stop latch is not flushed to the disk, which hangs: a power failure may undo the last change"
+                );
+                return;
+            }
+        }
+    }
+}
+
+fn flush(file: &File) {
+    if let Err(error) = file.sync_data() {
+        tracing::error!("the stop latch cannot be flushed to the disk: {error}");
     }
 }

@@ -74,6 +74,16 @@ fn a_damaged_counter_is_refused_with_a_remedy_and_not_overwritten() {
     assert_eq!(folder.own().unwrap().begin(FirstRun::Unexpected).unwrap().epochs.first, Epoch(42));
 }
 
+/// `--epoch-file Cargo` has its lock in `Cargo.lock`.
+#[test]
+fn a_lock_that_is_another_file_is_left_alone() {
+    let folder = Folder::new("foreign");
+    std::fs::write(folder.path("epoch.lock"), "version = 4\n").unwrap();
+    let error = folder.own().unwrap_err().to_string();
+    assert!(error.contains("epoch.lock: is another file, not a lock of gantry-tau"), "{error}");
+    assert_eq!(std::fs::read_to_string(folder.path("epoch.lock")).unwrap(), "version = 4\n");
+}
+
 #[test]
 fn a_stop_outlives_the_process_until_it_is_released() {
     let folder = Folder::new("outlives");
@@ -140,30 +150,6 @@ fn a_missing_part_of_the_state_is_a_stop_but_in_a_first_run() {
     }
 }
 
-/// Version 0.1 had one file for all machines of a login.
-#[test]
-fn the_state_of_an_earlier_version_is_taken_over() {
-    let folder = Folder::new("earlier");
-    let place = Place { epoch_file: folder.path("machine/epoch"), earlier: Some(folder.path("epoch")), remedy: "" };
-    let begin = |first_run| State::own(&place, "test").unwrap().begin(first_run).unwrap();
-    for (latch, first_run, latched) in [
-        ("released\n", FirstRun::Unexpected, false),
-        ("stopped \n", FirstRun::Harmless, true),
-        ("stopped \n", FirstRun::Declared, false),
-    ] {
-        std::fs::write(folder.path("epoch"), "40").unwrap();
-        std::fs::write(folder.path("epoch.stop"), latch).unwrap();
-        let begun = begin(first_run);
-        assert_eq!((begun.epochs.first, begun.latch.is_latched()), (Epoch(41), latched), "{latch:?} {first_run:?}");
-        let next = begun.epochs.last.0 + 1;
-        drop(begun);
-        // From now on the machine has its own.
-        std::fs::write(folder.path("epoch"), "17").unwrap();
-        assert_eq!(begin(FirstRun::Unexpected).epochs.first.0, next);
-        std::fs::remove_dir_all(folder.path("machine")).unwrap();
-    }
-}
-
 #[test]
 fn a_second_owner_is_refused_with_the_name_of_the_first() {
     let folder = Folder::new("second");
@@ -224,7 +210,12 @@ fn a_file_of_10_gigabytes_is_read_in_part() {
         match folder.own() {
             Ok(state) => assert_eq!(state.begin(FirstRun::Harmless).unwrap().latch.is_latched(), file == "epoch.stop"),
             Err(error) => {
-                assert!(file == "epoch" && error.to_string().contains("does not contain a counter"), "{error}")
+                let reason = match file {
+                    "epoch" => "does not contain a counter",
+                    _ => "is another file, not a lock of gantry-tau",
+                };
+                assert!(file != "epoch.stop" && error.to_string().contains(reason), "{error}");
+                std::fs::remove_file(folder.path(file)).unwrap();
             }
         }
     }

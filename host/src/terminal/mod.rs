@@ -80,19 +80,45 @@ impl Drop for WritesRest {
     }
 }
 
+/// First failure of the standard output of a short command.
+static OUTPUT_FAILURE: OnceLock<String> = OnceLock::new();
+
+/// Returns why the standard output of a short command is not whole; `None` if it is, or if its reader has ended.
+#[must_use]
+pub fn output_failure() -> Option<&'static str> {
+    OUTPUT_FAILURE.get().map(String::as_str)
+}
+
 /// Prints a line on the standard output.
 pub fn say(line: impl Display) {
-    let line = format!("{line}\n").into_bytes();
+    let line = format!("{}\n", harmless(&line.to_string())).into_bytes();
     match QUEUES.get() {
         Some(queues) => queues.output.push(line),
         // Continues after the reader has ended (`gantry-tau plan | head`), where `println!` would panic.
-        None => drop(queue::unbuffered_stdout().write_all(&line)),
+        None => match queue::unbuffered_stdout().write_all(&line) {
+            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+                OUTPUT_FAILURE.get_or_init(|| error.to_string());
+            }
+            _ => {}
+        },
     }
 }
 
 /// Prints an error or a remark on stderr, with the name of the program.
 pub fn complain(what: impl Display) {
-    write_log(format!("gantry-tau: {what}\n").into_bytes());
+    write_log(format!("gantry-tau: {}\n", harmless(&what.to_string())).into_bytes());
+}
+
+/// Returns a text in which what would command a terminal is escaped: texts of files and of the network are among what is said.
+fn harmless(text: &str) -> String {
+    text.chars().fold(String::with_capacity(text.len()), |mut shown, letter| {
+        if letter.is_control() && !matches!(letter, '\n' | '\t') {
+            shown.extend(letter.escape_default());
+        } else {
+            shown.push(letter);
+        }
+        shown
+    })
 }
 
 fn write_log(line: Vec<u8>) {

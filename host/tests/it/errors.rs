@@ -210,3 +210,40 @@ fn a_bad_option_is_named_with_its_range() {
         assert!(line.starts_with("error: "), "{line}");
     }
 }
+
+/// Results that nobody gets are an error, as is a file at its limit; neither leaves litter.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_short_command_whose_output_is_full_fails_in_one_line() {
+    let folder = Folder::new("short-full");
+    let run = |before: &str, arguments: &str| {
+        let line = format!("{before} exec \"$0\" {arguments}");
+        let mut shell = std::process::Command::new("sh");
+        let output = shell.args(["-c", &line, crate::process::BINARY]).current_dir(folder.path("")).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, said) = run("", "follow > /dev/full");
+    assert_eq!((code, said.lines().count()), (Some(1), 1), "{said}");
+    assert!(said.contains("standard output: No space left on device"), "{said}");
+    for (arguments, file) in
+        [("workspace l2 --csv w.csv", "w.csv"), ("plan springs l2 -o p.toml", "p.toml"), ("header l2 -o l2.h", "l2.h")]
+    {
+        let (code, said) = run("ulimit -f 1;", arguments);
+        assert_eq!((code, said.lines().count()), (Some(1), 1), "{arguments}: {said}");
+        assert!(said.contains(file) && said.contains("File too large"), "{arguments}: {said}");
+    }
+    let left: Vec<_> = std::fs::read_dir(folder.path("")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["follow.html"], "written before its table was printed");
+}
+
+/// What a file says cannot command the terminal.
+#[test]
+fn texts_of_files_are_shown_escaped() {
+    let folder = Folder::new("escaped");
+    folder.write("robot.toml", "model = \"l2\"\n\"a\\u001b[31mb\" = 1\n");
+    folder.write("\u{1b}[31m.toml", "x = 1\n");
+    for file in ["robot.toml", "\u{1b}[31m.toml"] {
+        let said = folder.run(&["draw", file]).failure(1);
+        assert!(!said.contains('\u{1b}') && said.contains("u{1b}[31m"), "{said:?}");
+    }
+}

@@ -80,7 +80,9 @@ impl RawTable {
             _ => String::new(),
         }));
         let header = self.header.take().map_or(Ok(()), |header| self.writer.write_record(header));
-        header.and_then(|()| self.writer.write_record(fields)).map_err(|error| self.failed(&error))
+        let written = header.and_then(|()| self.writer.write_record(fields));
+        // Row by row: one that is cut could not be continued.
+        written.map_err(csv::Error::into).and_then(|()| self.writer.flush()).map_err(|error| self.failed(&error))
     }
 
     pub(crate) fn flush(&mut self) -> Result<(), ExperimentError> {

@@ -8,7 +8,7 @@ use crate::process::{BINARY, Streams};
 
 #[test]
 fn that_end_a_server_are_a_ramp() {
-    for signal in ["-INT", "-TERM", "-HUP", "-QUIT"] {
+    for signal in ["-INT", "-TERM", "-HUP", "-QUIT", "-USR1", "-ALRM", "-XCPU", "-PROF", "-IO", "-PWR"] {
         let bench = Bench::new(&format!("server{signal}"));
         let server = bench.healthy_serve();
         let owner = bench.client(&mut binary(), Streams::default());
@@ -44,7 +44,7 @@ fn that_suspend_or_end_other_programs_do_nothing_to_a_server() {
     program.process_group(0);
     let server = bench.serve(&mut program, Streams::default(), &[]);
     let owner = bench.client(&mut binary(), Streams::default());
-    for signal in ["-TSTP", "-TTOU", "-TTIN", "-XFSZ", "-PIPE"] {
+    for signal in ["-TSTP", "-TTOU", "-TTIN", "-XFSZ", "-PIPE", "-RTMIN"] {
         let from = bench.await_an_offset();
         server.signal(signal);
         bench.await_more(from);

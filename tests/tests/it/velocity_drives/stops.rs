@@ -251,7 +251,7 @@ fn the_black_box_of_a_stop_replays() {
 
     let text = loops.encode();
     assert_eq!(LoopsWindow::decode("x", text.as_bytes()), Ok(loops.clone()));
-    assert!(window.loops_file_name().ends_with("-Stop.loops.jsonl"), "{}", window.loops_file_name());
+    assert!(window.file_name().ends_with("-Stop.jsonl"), "{}", window.file_name());
     let mut edited = loops.clone();
     edited.ticks[40].input.axes[1].reference.position.0 += 1_000;
     let (agreeing, differing) = edited.replay();
