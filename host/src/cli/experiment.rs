@@ -115,7 +115,7 @@ impl Experiment {
             AnyRobotFile::L2(robot) => self.tracked(*robot, seed)?,
             AnyRobotFile::F1(robot) => self.tracked(*robot, seed)?,
         };
-        let is_taken = std::fs::read_to_string(&*self.output).is_ok_and(|old| rows(&old) > 0);
+        let is_taken = self.output.is_file() && std::fs::read_to_string(&*self.output).is_ok_and(|old| rows(&old) > 0);
         if is_taken {
             return Err(format!("{} has rows; remove it, or name another file", self.output.display()).into());
         }

@@ -1,5 +1,7 @@
 //! `gantry-tau faults`.
 
+use std::fs::File;
+use std::io::Read;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -19,6 +21,8 @@ use gantry_tau::terminal::say;
 use super::outputs::Input;
 use super::{Outcome, address, peer, transport};
 
+/// Longest script that is read, bytes.
+const MAX_SCRIPT: u64 = 1 << 20;
 /// Longest wait for an ended connection before looking for Ctrl-C.
 const POLL: Duration = Duration::from_millis(50);
 
@@ -154,7 +158,12 @@ impl Faults {
         let script = match &self.script {
             Some(path) => {
                 let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-                let text = std::fs::read_to_string(&**path).map_err(|error| named(&error))?;
+                let mut text = String::new();
+                let read = File::open(&**path).and_then(|file| file.take(MAX_SCRIPT).read_to_string(&mut text));
+                read.map_err(|error| named(&error))?;
+                if text.len() as u64 == MAX_SCRIPT {
+                    return Err(named(&format_args!("is longer than {MAX_SCRIPT} bytes")));
+                }
                 parse_script(&text).map_err(|error| named(&error))?
             }
             None => Vec::new(),

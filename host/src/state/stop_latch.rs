@@ -16,13 +16,21 @@ use super::regular_file::{self, Access};
 /// Contents of the file, of one length, so that each replaces the other.
 const STOPPED: &str = "stopped \n";
 const RELEASED: &str = "released\n";
+/// Longest text that is taken for a latch, if for a damaged one, bytes.
+const LONGEST: usize = 64;
 
 /// Reads a latch: true if it is latched, or cannot be understood; `None` without a file.
 ///
 /// # Errors
-/// [`StateError`]: not a regular file, or it cannot be read.
+/// [`StateError`]: not a regular file, too long for a latch, or it cannot be read.
 pub(super) fn read(path: &Path) -> Result<Option<bool>, StateError> {
     match regular_file::open(path, Access::Read).and_then(|mut file| regular_file::read(&mut file)) {
+        // Damage, or another version, makes none that is as long.
+        Ok(text) if text.len() > LONGEST => {
+            let reason =
+                "is another file, not a stop latch of gantry-tau; move it away: the server then starts in Fault";
+            Err(failed(path, &io::Error::new(ErrorKind::InvalidInput, reason)))
+        }
         Ok(text) => Ok(Some(text != RELEASED.as_bytes())),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
         Err(error) => Err(failed(path, &error)),

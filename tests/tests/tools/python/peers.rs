@@ -205,7 +205,7 @@ fn dripping(script: Vec<(usize, Vec<u8>)>, rest: Vec<u8>, piece: usize) -> Strin
             if stream.write_all(bytes).is_err() {
                 return;
             }
-            std::thread::sleep(Duration::from_millis(10));
+            std::thread::sleep(Duration::from_millis(20));
         }
     });
     address
@@ -214,19 +214,19 @@ fn dripping(script: Vec<(usize, Vec<u8>)>, rest: Vec<u8>, piece: usize) -> Strin
 /// Time passes, and bytes come, but no whole State and no end of the session.
 fn slow_servers() {
     let live = |tick| state(tick, Phase::Handshake, Cause::None);
-    // Longer than any of these waits lasts, at 10 ms for a byte or a State.
-    let dripped = vec![0; 4_000];
+    // Longer than the wait of 3 s, at 20 ms for a byte or a State, and not as long as the frame that has begun.
+    let dripped = [0; 200];
     let welcome = [&granted()[..], &live(6)].concat();
     let header_of_a_state = live(7)[..6].to_vec();
     let states: Vec<u8> = (9..4_000).flat_map(live).collect();
     let length = live(9).len();
     for (script, rest, piece, words) in [
-        (vec![(HELLO, granted()[..6].to_vec())], dripped[..76].to_vec(), 1, "the server vanished: it "),
+        (vec![(HELLO, granted()[..6].to_vec())], dripped[..165].to_vec(), 1, "the server vanished: it does not answer"),
         (
             vec![(HELLO, welcome.clone()), (COMMAND, header_of_a_state)],
-            dripped[..300].to_vec(),
+            dripped.to_vec(),
             1,
-            "the server vanished: it ",
+            "the server vanished: it has been silent for too long",
         ),
         (
             vec![(HELLO, welcome), (COMMAND, live(7)), (COMMAND + GOODBYE, live(8))],
@@ -257,7 +257,9 @@ fn six_axes() {
     server.kill().unwrap();
     server.wait().unwrap();
     let _ = std::fs::remove_dir_all(&folder);
-    assert!(said.starts_with("left with Goodbye after 300 States (0 with a saturated target)"), "{said}");
+    let ends =
+        [301, 302].map(|states| format!("left with Goodbye after {states} States (0 with a saturated target); "));
+    assert!(ends.iter().any(|end| said.starts_with(end)), "{said}");
 }
 
 /// What the client in Python has as numbers and texts.
