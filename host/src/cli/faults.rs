@@ -161,7 +161,7 @@ impl Faults {
                 let mut text = String::new();
                 let read = File::open(&**path).and_then(|file| file.take(MAX_SCRIPT).read_to_string(&mut text));
                 read.map_err(|error| named(&error))?;
-                if text.len() as u64 == MAX_SCRIPT {
+                if u64::try_from(text.len()).is_ok_and(|length| length == MAX_SCRIPT) {
                     return Err(named(&format_args!("is longer than {MAX_SCRIPT} bytes")));
                 }
                 parse_script(&text).map_err(|error| named(&error))?
