@@ -99,7 +99,7 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
     }
 
     /// Ends the recording, and adds rows that were dropped before they came here. `None` if the writing thread panicked, which was reported
-    /// on stderr. A file whose disk or reader takes nothing for [`LAST_WAIT`] is left as it is: that is its failure then.
+    /// on stderr. A file whose disk or reader takes nothing for five seconds is left as it is: that is its failure then.
     #[must_use]
     pub fn finish(self, dropped: u64) -> Option<Recorded> {
         let Self { path, queue, thread, dropped: here, shared } = self;
