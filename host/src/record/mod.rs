@@ -166,7 +166,7 @@ mod tests {
         let robot = RobotFile::builtin_l2().unwrap();
         let path = std::env::temp_dir().join(format!("gantry-tau-blocked-{}.csv", std::process::id()));
         assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
-        let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+        let nonblocking = i32::try_from(rustix::fs::OFlags::NONBLOCK.bits()).unwrap();
         let mut reader = OpenOptions::new().read(true).custom_flags(nonblocking).open(&path).unwrap();
         let to: RecordTo = path.to_str().unwrap().parse().unwrap();
         let mut recorder = Recorder::start(Recording::create::<Row<3>, _>(&to, &robot).unwrap()).unwrap();
@@ -200,7 +200,7 @@ mod tests {
         let robot = RobotFile::builtin_l2().unwrap();
         let path = std::env::temp_dir().join(format!("gantry-tau-kept-{}.csv", std::process::id()));
         assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
-        let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+        let nonblocking = i32::try_from(rustix::fs::OFlags::NONBLOCK.bits()).unwrap();
         let _reader = OpenOptions::new().read(true).custom_flags(nonblocking).open(&path).unwrap();
         let to: RecordTo = path.to_str().unwrap().parse().unwrap();
         let mut recorder = Recorder::start(Recording::create::<Row<3>, _>(&to, &robot).unwrap()).unwrap();
