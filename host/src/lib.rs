@@ -28,6 +28,7 @@ pub mod gauge_link;
 pub mod geometry;
 pub mod header;
 pub mod labcomm;
+mod last_wait;
 mod lines;
 pub mod linuxcnc;
 pub mod measurements;

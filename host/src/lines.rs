@@ -1,6 +1,19 @@
-//! Lines of input from scripts and operators, which may be anything.
+//! Input from files, scripts and operators, which may be anything.
 
+use std::fs::File;
 use std::io::{self, BufRead, Read};
+use std::path::Path;
+
+/// Reads a text of at most so many bytes: a device has no end.
+pub(crate) fn read_text(path: &Path, longest: u64) -> Result<String, String> {
+    let mut text = String::new();
+    let read = File::open(path).and_then(|file| file.take(longest.saturating_add(1)).read_to_string(&mut text));
+    match read.map(u64::try_from) {
+        Err(error) => Err(error.to_string()),
+        Ok(Ok(length)) if length <= longest => Ok(text),
+        Ok(_) => Err(format!("is longer than {longest} bytes")),
+    }
+}
 
 /// Result of reading a line.
 pub(crate) enum Line {

@@ -12,8 +12,6 @@ mod sections;
 
 use std::any::Any;
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use gantry_tau_core::control::position_loop::config::LoopConfig;
@@ -22,6 +20,7 @@ use gantry_tau_core::model::robot::{Compliances, LINKS};
 use gantry_tau_core::model::{f1, l2};
 use nalgebra::{Matrix3, Vector3};
 
+use crate::lines::read_text;
 use crate::model::{F1, L2, MachineKind};
 use crate::output::printable;
 pub use build::CYCLE_US;
@@ -120,7 +119,7 @@ impl AnyRobotFile {
     pub fn load(path: impl AsRef<Path>) -> Result<Self, RobotFileError> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        let text = read_text(path).map_err(|reason| Problem::new("", reason).in_file(&name))?;
+        let text = read_text(path, MAX_LEN).map_err(|reason| Problem::new("", reason).in_file(&name))?;
         Self::parse(&name, &text)
     }
 
@@ -157,20 +156,7 @@ pub fn text_of(name: &str) -> Result<String, RobotFileError> {
     match name {
         "l2" => Ok(L2_TEXT.to_owned()),
         "f1" => Ok(F1_TEXT.to_owned()),
-        path => read_text(Path::new(path)).map_err(|reason| Problem::new("", reason).in_file(path)),
-    }
-}
-
-/// Reads at most [`MAX_LEN`] bytes, so a device file cannot hang.
-fn read_text(path: &Path) -> Result<String, String> {
-    let file = File::open(path).map_err(|error| error.to_string())?;
-    let mut text = String::new();
-    let limited = &mut file.take(MAX_LEN + 1);
-    let length = (limited.read_to_string(&mut text)).map_err(|error| error.to_string())?;
-    if u64::try_from(length).is_ok_and(|length| length <= MAX_LEN) {
-        Ok(text)
-    } else {
-        Err(format!("is longer than {MAX_LEN} bytes"))
+        path => read_text(Path::new(path), MAX_LEN).map_err(|reason| Problem::new("", reason).in_file(path)),
     }
 }
 

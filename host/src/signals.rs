@@ -71,7 +71,7 @@ mod system {
         Signal::SIGIO,
         Signal::SIGXCPU,
     ];
-    /// Those of Linux besides.
+    /// Further ones of Linux.
     #[cfg(target_os = "linux")]
     const ENDING_ON_LINUX: [Signal; 2] = [Signal::SIGSTKFLT, Signal::SIGPWR];
     #[cfg(not(target_os = "linux"))]

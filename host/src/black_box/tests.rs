@@ -203,6 +203,24 @@ fn the_first_difference_is_the_field_that_was_changed() {
     assert_eq!((&*field, &*replayed), ("state.axes[4].offsets.torque", "7"));
 }
 
+/// Found from outside: servers that end before their first session name their boxes alike, and all but the first were lost.
+#[test]
+fn a_box_whose_name_is_taken_gets_the_next_one() {
+    let folder = std::env::temp_dir().join(format!("gantry-tau-boxes-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&folder);
+    let (_cycle, windows) = swap_channel::channel::<3>();
+    let mut writer = writer::Writer::open(&folder, windows).unwrap();
+    let window = window::<3>(1);
+    (0..3).for_each(|_| writer.write(&window, true));
+    writer.finish().unwrap();
+    let name = window.file_name();
+    for name in [name.clone(), name.replace(".jsonl", "-2.jsonl"), name.replace(".jsonl", "-3.jsonl")] {
+        assert_eq!(std::fs::read_to_string(folder.join(name)).unwrap(), window.encode());
+    }
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 3);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
 /// Returns the file that a program in C would write.
 fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
     let mut file = b"GTBB\x04".to_vec();

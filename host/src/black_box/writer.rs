@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::swap_channel::Receiver;
 use super::{FileError, Window, loops_beside};
+use crate::last_wait;
 use crate::output::{Kind, Output};
 
 /// Windows of one run that are kept, the newest: a client that comes and goes for ever must not fill the disk.
@@ -18,8 +19,6 @@ const KEPT_OF_PASSERS_BY: usize = 16;
 
 /// Rest between two looks for windows.
 const REST: Duration = Duration::from_millis(10);
-/// Longest wait for a disk at the end.
-pub const LAST_WAIT: Duration = Duration::from_secs(5);
 
 /// A folder, and the windows that are written into it.
 #[derive(Debug)]
@@ -61,7 +60,7 @@ impl<const N: usize> Writer<N> {
         }
     }
 
-    /// Writes windows as they arrive, in a thread of its own: a folder on a disk that hangs holds nobody else up.
+    /// Starts a thread that writes windows as they arrive. A folder on a disk that hangs then blocks nothing else.
     ///
     /// # Errors
     /// [`FileError`]: there is no further thread.
@@ -98,7 +97,8 @@ impl<const N: usize> Writer<N> {
         }
     }
 
-    fn write(&mut self, window: &Window<N>, is_of_value: bool) {
+    /// Writes a window.
+    pub(super) fn write(&mut self, window: &Window<N>, is_of_value: bool) {
         let path = self.folder.join(window.file_name());
         match self.write_files(window, &path) {
             Ok(files) => {
@@ -142,18 +142,15 @@ impl Writing {
     /// Ends with the last windows; the cycle that sends them has ended.
     ///
     /// # Errors
-    /// [`FileError`]: as of [`Writer::finish`], or the disk takes nothing for [`LAST_WAIT`].
+    /// [`FileError`]: as of [`Writer::finish`], or the disk takes nothing for five seconds.
     pub fn finish(self) -> Result<(), FileError> {
         self.has_ended.store(true, Ordering::Release);
-        let until = Instant::now() + LAST_WAIT;
-        while !self.thread.is_finished() && Instant::now() < until {
-            std::thread::sleep(REST);
+        match last_wait::join(self.thread, || 0) {
+            Some(Ok(written)) => written,
+            // A panic was reported on stderr.
+            Some(Err(_)) => Err(FileError::of(&self.folder, "the writer of black boxes panicked")),
+            None => Err(FileError::of(&self.folder, "the last black boxes are not written: the disk hangs")),
         }
-        if !self.thread.is_finished() {
-            return Err(FileError::of(&self.folder, "the last black boxes are not written: the disk hangs"));
-        }
-        // A panic was reported on stderr.
-        self.thread.join().unwrap_or_else(|_| Err(FileError::of(&self.folder, "the writer of black boxes panicked")))
     }
 }
 

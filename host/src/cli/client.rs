@@ -17,7 +17,7 @@ use gantry_tau_core::control::message::{AxisState, State, Welcome};
 
 use super::outputs::NamedInput;
 use super::recording::ClientRecording;
-use super::{MachineCommand, Outcome, fail, peer, sensor, transport};
+use super::{MachineCommand, Outcome, fail, peer, read_keyboard, sensor, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
@@ -134,9 +134,5 @@ impl<const N: usize> Watch<N> {
 
 /// Reads commands from the standard input, in a thread that ends with the process.
 fn listen_to_the_operator<const N: usize>(controls: Arc<ClientControls>, watch: Watch<N>) {
-    let thread = std::thread::Builder::new().name("keyboard".to_owned());
-    let listen = move || operator::listen(std::io::stdin().lock(), &controls, || watch.say());
-    if let Err(error) = thread.spawn(listen) {
-        tracing::warn!("commands cannot be typed ({error}); Ctrl-C leaves");
-    }
+    read_keyboard(move |input| operator::listen(input, &controls, || watch.say()));
 }

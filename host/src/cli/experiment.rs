@@ -1,7 +1,6 @@
 //! `gantry-tau experiment`.
 
 use std::any::Any;
-use std::io::{BufRead, Read};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -10,7 +9,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 
 use clap::Args;
 use gantry_tau::dial::Addresses;
-use gantry_tau::experiment::live::{self, LiveOptions};
+use gantry_tau::experiment::live::{self, LiveOptions, keyboard};
 use gantry_tau::experiment::simulated::simulate;
 use gantry_tau::experiment::table::Table;
 use gantry_tau::experiment::tracker::{TrackedMachine, track};
@@ -26,7 +25,7 @@ use gantry_tau::springs::thesis;
 use gantry_tau::terminal::say;
 
 use super::outputs::{ContinuedTable, Input, NamedInput, file};
-use super::{MachineCommand, Outcome, fail, peer, run_on, sensor, transport};
+use super::{MachineCommand, Outcome, fail, peer, read_keyboard, run_on, sensor, transport};
 
 /// Measure a campaign of forces and gauges, window by window
 ///
@@ -221,29 +220,13 @@ impl Experiment {
     }
 }
 
-/// Longest line that is typed, bytes.
-const LONGEST_LINE: u64 = 4_096;
 /// Lines that wait.
 const WAITING_LINES: usize = 64;
 
 /// Lines of the keyboard, from a thread that ends with the process.
 fn lines_typed() -> Receiver<String> {
     let (lines, typed) = sync_channel(WAITING_LINES);
-    let read = move || {
-        let mut input = std::io::stdin().lock();
-        loop {
-            let mut line = Vec::new();
-            // A longer one is none of its commands, and no readings of its gauges.
-            let read = input.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line);
-            let line = String::from_utf8_lossy(&line).trim().to_owned();
-            if !read.is_ok_and(|bytes| bytes > 0) || lines.send(line).is_err() {
-                return;
-            }
-        }
-    };
-    if let Err(error) = std::thread::Builder::new().name("keyboard".to_owned()).spawn(read) {
-        tracing::warn!("commands cannot be typed ({error}); Ctrl-C leaves");
-    }
+    read_keyboard(move |input| keyboard::listen(input, &lines));
     typed
 }
 

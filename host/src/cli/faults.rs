@@ -1,7 +1,5 @@
 //! `gantry-tau faults`.
 
-use std::fs::File;
-use std::io::Read;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -11,7 +9,7 @@ use std::time::Duration;
 
 use clap::Args;
 use gantry_tau::dial::Addresses;
-use gantry_tau::faults::plan::{Directions, FaultPlan, FaultRate, parse_script};
+use gantry_tau::faults::plan::{Directions, FaultPlan, FaultRate, read_script};
 use gantry_tau::faults::relay::{LinkReport, Relay};
 use gantry_tau::faults::{Fault, FaultStats};
 use gantry_tau::server::ServerError;
@@ -21,8 +19,6 @@ use gantry_tau::terminal::say;
 use super::outputs::Input;
 use super::{Outcome, address, peer, transport};
 
-/// Longest script that is read, bytes.
-const MAX_SCRIPT: u64 = 1 << 20;
 /// Longest wait for an ended connection before looking for Ctrl-C.
 const POLL: Duration = Duration::from_millis(50);
 
@@ -156,16 +152,7 @@ impl Faults {
             rate.map(|rate| (fault, rate))
         });
         let script = match &self.script {
-            Some(path) => {
-                let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-                let mut text = String::new();
-                let read = File::open(&**path).and_then(|file| file.take(MAX_SCRIPT).read_to_string(&mut text));
-                read.map_err(|error| named(&error))?;
-                if u64::try_from(text.len()).is_ok_and(|length| length == MAX_SCRIPT) {
-                    return Err(named(&format_args!("is longer than {MAX_SCRIPT} bytes")));
-                }
-                parse_script(&text).map_err(|error| named(&error))?
-            }
+            Some(path) => read_script(path).map_err(|error| format!("{}: {error}", path.display()))?,
             None => Vec::new(),
         };
         Ok(FaultPlan {

@@ -23,6 +23,7 @@ mod serve;
 mod verify;
 mod workspace;
 
+use std::io::StdinLock;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 
@@ -190,6 +191,14 @@ fn solve() -> Outcome {
         // The reader of the answers has ended, for instance `head`.
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// Reads the standard input in a thread that ends with the process.
+fn read_keyboard(listen: impl FnOnce(StdinLock<'_>) + Send + 'static) {
+    let thread = std::thread::Builder::new().name("keyboard".to_owned());
+    if let Err(error) = thread.spawn(move || listen(std::io::stdin().lock())) {
+        tracing::warn!("commands cannot be typed ({error}); Ctrl-C ends");
     }
 }
 

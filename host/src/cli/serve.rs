@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use clap::{ArgGroup, Args};
 use gantry_tau::black_box::swap_channel;
-use gantry_tau::black_box::writer::{LAST_WAIT, Writer, Writing};
+use gantry_tau::black_box::writer::{Writer, Writing};
 use gantry_tau::gauge_link::GaugePublisher;
 use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
@@ -35,7 +35,7 @@ use super::outputs::{Input, NamedInput};
 use super::plant::PlantChoice;
 use super::publication::PublicationOptions;
 use super::recording::RecordLimit;
-use super::{MachineCommand, Outcome, Pace, address, fail, transport};
+use super::{MachineCommand, Outcome, Pace, address, fail, read_keyboard, transport};
 
 /// Run the server with the simulated machine, for this program's client or any other
 ///
@@ -241,7 +241,7 @@ impl Serve {
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
         }
-        let mut flusher = LatchFlusher::of(cycle.latch());
+        let mut flusher = LatchFlusher::of(cycle.latch())?;
         let controls = Arc::new(Controls::default());
         let quit = Arc::clone(&controls);
         signals::on_quit(move || quit.quit.store(true, Ordering::Relaxed));
@@ -282,7 +282,7 @@ impl Serve {
             Err(error @ ServerError::StopNotStored) => fail(4, error),
             Err(error) => return Err(error.into()),
         };
-        flusher.finish(LAST_WAIT);
+        flusher.finish();
         let dropped = controls.dropped_rows.load(Ordering::Relaxed);
         let boxes_written = black_boxes.map_or(Ok(()), Writing::finish);
         if let Some(recorded) = file.and_then(|file| file.finish(dropped)) {
@@ -427,8 +427,5 @@ impl Serve {
 
 /// Reads the keyboard in a thread that ends with the process.
 fn listen_to_the_keyboard(controls: Arc<Controls>) {
-    let thread = std::thread::Builder::new().name("keyboard".to_owned());
-    if let Err(error) = thread.spawn(move || keyboard::listen(std::io::stdin().lock(), &controls)) {
-        tracing::warn!("commands cannot be typed ({error}); Ctrl-C ramps to zero and ends");
-    }
+    read_keyboard(move |input| keyboard::listen(input, &controls));
 }

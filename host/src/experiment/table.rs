@@ -97,12 +97,11 @@ impl Table {
         let failed = |reason: String| ExperimentError::Write { path: path.display().to_string(), reason };
         let failed_io = |error: std::io::Error| failed(error.to_string());
         let expected = header(plan, has_sds);
-        // A device or a pipe takes rows, and has none.
-        let is_stream = path.metadata().is_ok_and(|old| !old.is_file() && !old.is_dir());
-        let old = match if is_stream { Ok(String::new()) } else { std::fs::read_to_string(path) } {
-            Ok(text) => text,
+        let old = match path.metadata() {
+            // A device or a pipe takes rows, and has none.
+            Ok(old) if !old.is_file() && !old.is_dir() => String::new(),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(failed_io(error)),
+            _ => std::fs::read_to_string(path).map_err(failed_io)?,
         };
         let rows = rows(&old);
         // An empty table has a header; anything else was not meant.

@@ -1,6 +1,7 @@
 //! Faults to inject: probabilities per frame, and a script in TOML.
 
 use std::num::NonZeroU64;
+use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -8,6 +9,7 @@ use gantry_tau_core::control::endpoint::Transport;
 use serde::Deserialize;
 
 use super::{Direction, Fault};
+use crate::lines::read_text;
 
 /// One or both directions of a connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -163,7 +165,18 @@ struct Entry {
     parameter: Option<u32>,
 }
 
-/// Reads a script: a list of `[[fault]]` with `at_frame` or `at_ms`, `direction`, `kind` and, where the kind takes one, `parameter`.
+/// Longest script that is read, bytes.
+const LONGEST_SCRIPT: u64 = 1 << 20;
+
+/// Reads the file of a script.
+///
+/// # Errors
+/// As of [`parse_script`]; or the file cannot be read, or is too long.
+pub fn read_script(path: &Path) -> Result<Vec<ScriptedFault>, String> {
+    parse_script(&read_text(path, LONGEST_SCRIPT)?)
+}
+
+/// Parses a script: a list of `[[fault]]` with `at_frame` or `at_ms`, `direction`, `kind` and, where the kind takes one, `parameter`.
 ///
 /// # Errors
 /// A line that names the line and its key, or the entry (counted from 1) and its key.

@@ -149,7 +149,7 @@ impl<const N: usize> Plan<N> {
         let length = entry.name.chars().count();
         if length > MAX_SERIES_NAME {
             let reason = format!(
-                "has {length} characters; {MAX_SERIES_NAME} are possible: a series that is mounted anew gets a number"
+                "has {length} characters; expected at most {MAX_SERIES_NAME}: a number is added when the series is mounted again"
             );
             return Err(refused("name", reason));
         }

@@ -1,12 +1,11 @@
 //! Set-up files: TOML beside the table that they name.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
 use super::FileError;
+use crate::lines::read_text;
 
 /// Longest set-up file that is read, bytes.
 const MAX_LEN: u64 = 1 << 20;
@@ -16,14 +15,7 @@ const MAX_LEN: u64 = 1 << 20;
 /// # Errors
 /// [`FileError`].
 pub(super) fn text(path: &Path) -> Result<String, FileError> {
-    let name = path.display().to_string();
-    let file = File::open(path).map_err(|error| FileError::whole(&name, error))?;
-    let mut text = String::new();
-    file.take(MAX_LEN + 1).read_to_string(&mut text).map_err(|error| FileError::whole(&name, error))?;
-    if u64::try_from(text.len()).is_ok_and(|length| length > MAX_LEN) {
-        return Err(FileError::whole(&name, format_args!("is longer than {MAX_LEN} bytes")));
-    }
-    Ok(text)
+    read_text(path, MAX_LEN).map_err(|reason| FileError::whole(&path.display().to_string(), reason))
 }
 
 /// Parses the text of a set-up; `path` names it.

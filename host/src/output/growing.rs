@@ -25,10 +25,7 @@ enum State {
         companion: Option<&'static str>,
     },
     /// To be made in the place of a table without rows, or of none.
-    Replacing {
-        /// There is one.
-        exists: bool,
-    },
+    Replacing,
     Open(File),
 }
 
@@ -52,7 +49,7 @@ impl GrowingFile {
     /// # Errors
     /// [`WriteError`]: no file can be made there.
     pub(crate) fn replacing(path: &Path) -> Result<Self, WriteError> {
-        Self::at(path, Place::of(path)?, State::Replacing { exists: path.exists() })
+        Self::at(path, Place::of(path)?, State::Replacing)
     }
 
     /// The end of a file that exists.
@@ -95,7 +92,7 @@ impl GrowingFile {
     /// # Errors
     /// Error of the system.
     pub fn open(&mut self) -> io::Result<&mut File> {
-        let file = match std::mem::replace(&mut self.state, State::Replacing { exists: true }) {
+        let file = match std::mem::replace(&mut self.state, State::Replacing) {
             State::Open(file) => file,
             State::Fresh { companion } => match fresh(&self.path, companion) {
                 Ok((path, file)) => {
@@ -107,24 +104,7 @@ impl GrowingFile {
                     return Err(error);
                 }
             },
-            // Another program may have made it meanwhile.
-            State::Replacing { exists: false } => match place::create_new(&self.path).and_then(place::owned) {
-                Ok(file) => file,
-                Err(error) => {
-                    self.state = State::Replacing { exists: false };
-                    return Err(error);
-                }
-            },
-            State::Replacing { exists: true } => {
-                let target = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
-                if !Kind::Table.replaces(&target) {
-                    return Err(io::Error::other("another program has written rows to it meanwhile"));
-                }
-                let beside = place::beside(&target, 0);
-                let file = place::owned(place::create_new(&beside)?)?;
-                fs::rename(&beside, &target)?;
-                file
-            }
+            State::Replacing => replace_table(&self.path)?,
         };
         self.state = State::Open(file);
         match &mut self.state {
@@ -146,7 +126,7 @@ impl GrowingFile {
     }
 }
 
-/// What is written at once is in the file as a whole, or not at all: on a disk that fills up a table ends with a whole row. A stream may have
+/// A write is in the file as a whole, or not at all: on a disk that fills up a table ends with a whole row. A stream may have
 /// taken a part.
 impl Write for GrowingFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -177,6 +157,26 @@ fn take_back(file: &mut File, bytes: usize, error: io::Error) -> io::Error {
         let _shorter = file.set_len(before).and_then(|()| file.seek(SeekFrom::Start(before)));
     }
     error
+}
+
+/// Makes a table, in the place of one without rows or of none. Another program may have made it, or written to it, since that was looked at.
+fn replace_table(path: &Path) -> io::Result<File> {
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    match File::open(&target) {
+        Ok(old) => {
+            place::owned(old)?;
+            if !Kind::Table.replaces(&target) {
+                return Err(io::Error::other("another program has written rows to it meanwhile"));
+            }
+        }
+        // Not a link whose file is missing, which is replaced.
+        Err(_) if path.symlink_metadata().is_err() => return place::create_new(path).and_then(place::owned),
+        Err(_) => {}
+    }
+    let beside = place::beside(&target, 0);
+    let file = place::create_new(&beside).and_then(place::owned)?;
+    fs::rename(&beside, &target)?;
+    Ok(file)
 }
 
 /// Makes a file under the first free name. Two programs that ask at the same time get two.

@@ -26,6 +26,7 @@ use std::path::{Path, PathBuf};
 
 pub use growing::GrowingFile;
 pub use kind::{Kind, rows};
+pub(crate) use name::escaped;
 pub use name::{MAX_NAME, Name, NameError, printable};
 use place::Place;
 
@@ -140,7 +141,8 @@ impl Output {
         if self.kind == Kind::BlackBox {
             let mut file = GrowingFile::fresh(&self.path, None)?;
             if let Err(error) = file.write_all(text.as_bytes()) {
-                if file.is_open() {
+                // Not a device or a pipe.
+                if file.is_open() && file.path().is_file() {
                     let _empty = fs::remove_file(file.path());
                 }
                 return Err(WriteError::system(&self.path, &error));
@@ -221,7 +223,7 @@ impl Drop for Beside {
 /// [`WriteError::Input`], [`WriteError::Twice`].
 pub fn check_apart(outputs: &[&Path], inputs: &[&Path]) -> Result<(), WriteError> {
     let names: Vec<PathBuf> = outputs.iter().map(|output| place::resolved(output)).collect();
-    for (index, output) in outputs.iter().enumerate() {
+    for (index, (output, name)) in outputs.iter().zip(&names).enumerate() {
         // Terminals and pipes may be read and written.
         if fs::metadata(output).is_ok_and(|old| !old.is_file() && !old.is_dir()) {
             continue;
@@ -229,9 +231,8 @@ pub fn check_apart(outputs: &[&Path], inputs: &[&Path]) -> Result<(), WriteError
         if let Some(input) = inputs.iter().find(|input| place::is_same_file(output, input)) {
             return Err(WriteError::Input { path: shown(output), input: shown(input) });
         }
-        let others = names.iter().take(index).zip(outputs);
-        if others.into_iter().any(|(name, other)| Some(name) == names.get(index) || place::is_same_file(output, other))
-        {
+        let mut before = names.iter().zip(outputs).take(index);
+        if before.any(|(other_name, other)| other_name == name || place::is_same_file(output, other)) {
             return Err(WriteError::Twice(shown(output)));
         }
     }

@@ -116,8 +116,13 @@ impl fmt::Display for Name {
 /// Returns a text in which characters that are not printable are escaped.
 #[must_use]
 pub fn printable(text: &str) -> String {
+    escaped(text, is_printable)
+}
+
+/// Returns a text in which the characters that may not stand are escaped.
+pub(crate) fn escaped(text: &str, may_stand: impl Fn(char) -> bool) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut shown, letter| {
-        if is_printable(letter) {
+        if may_stand(letter) {
             shown.push(letter);
         } else {
             shown.extend(letter.escape_default());

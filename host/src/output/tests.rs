@@ -110,7 +110,24 @@ fn a_table_that_another_program_writes_is_left_to_it() {
         drop(first);
         GrowingFile::continuing(&path).unwrap();
     }
-    assert_eq!(folder.names(), ["table.csv"]);
+    // One that was removed meanwhile is made.
+    let path = folder.put("removed.csv", "series,pose\n");
+    let mut third = GrowingFile::replacing(&path).unwrap();
+    fs::remove_file(&path).unwrap();
+    third.write_all(b"series,pose\ns1,p1\n").unwrap();
+    assert_eq!(folder.names(), ["removed.csv", "table.csv"]);
+}
+
+/// A box that was cut would be taken for one that is whole; a device or a link stays.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_black_box_that_cannot_be_written_costs_no_device() {
+    let folder = Folder::new("box");
+    let link = folder.path("box.jsonl");
+    std::os::unix::fs::symlink("/dev/full", &link).unwrap();
+    let error = Output::new(&link, Kind::BlackBox).write("{}\n").unwrap_err().to_string();
+    assert!(error.contains("No space left"), "{error}");
+    assert_eq!(folder.names(), ["box.jsonl"]);
 }
 
 #[cfg(target_os = "linux")]

@@ -6,12 +6,13 @@
 use std::fs::File;
 use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
 
 use super::StateError;
 use super::epoch::sync_folder;
 use super::regular_file::{self, Access};
+use crate::last_wait;
 
 /// Contents of the file, of one length, so that each replaces the other.
 const STOPPED: &str = "stopped \n";
@@ -112,40 +113,32 @@ impl StopLatch {
 /// Flushes a latch, in a thread of its own: it may wait for the disk.
 #[derive(Debug)]
 pub struct LatchFlusher {
-    /// Absent if nothing is kept, or if there is no further thread.
-    changes: Option<Sender<()>>,
-    flushed: Receiver<()>,
-    file: Option<File>,
+    /// Absent if nothing is kept.
+    thread: Option<(Sender<()>, JoinHandle<()>)>,
     is_latched: bool,
-    /// Changes that are not known to be flushed.
-    waiting: u32,
 }
 
 impl LatchFlusher {
-    /// The flusher of a latch.
-    #[must_use]
-    pub fn of(latch: &StopLatch) -> Self {
-        let file = || latch.file.as_ref().and_then(|file| file.try_clone().ok());
-        let (changes, asked) = channel();
-        let (told, flushed) = channel();
-        let flush = file().map(|file| {
-            move || {
+    /// Starts the flusher of a latch.
+    ///
+    /// # Errors
+    /// The system's: there is no further thread or open file.
+    pub fn of(latch: &StopLatch) -> io::Result<Self> {
+        let start = |file: &File| {
+            let file = file.try_clone()?;
+            let (changes, asked) = channel();
+            let flush_each = move || {
                 // It needs none; without the right to give them up it has none.
                 let _ = crate::privileges::give_up(&[]);
-                while asked.recv().is_ok() {
-                    flush(&file);
-                    if told.send(()).is_err() {
-                        return;
-                    }
-                }
-            }
-        });
-        let started = flush.map(|flush| std::thread::Builder::new().name("stop latch".to_owned()).spawn(flush).is_ok());
-        let changes = (started == Some(true)).then_some(changes);
-        Self { changes, flushed, file: file(), is_latched: latch.is_latched, waiting: 0 }
+                asked.iter().for_each(|()| flush(&file));
+            };
+            let thread = std::thread::Builder::new().name("stop latch".to_owned()).spawn(flush_each)?;
+            io::Result::Ok((changes, thread))
+        };
+        Ok(Self { thread: latch.file.as_ref().map(start).transpose()?, is_latched: latch.is_latched })
     }
 
-    /// Has it flushed when a stop is latched or released, and returns true if it does. In a quit the phase does not tell when.
+    /// Asks for a flush when a stop is latched or released, and returns true if it does. In a quit the phase does not tell when.
     pub fn see(&mut self, is_latched: bool) -> bool {
         let changed = self.is_latched != is_latched;
         if changed {
@@ -155,25 +148,22 @@ impl LatchFlusher {
         changed
     }
 
-    fn ask(&mut self) {
-        match (&self.changes, &self.file) {
-            (Some(changes), _) if changes.send(()).is_ok() => self.waiting = self.waiting.saturating_add(1),
-            (_, Some(file)) => flush(file),
-            _ => {}
+    fn ask(&self) {
+        if let Some((changes, _)) = &self.thread {
+            // The thread ends after this end of the channel.
+            let _sent = changes.send(());
         }
     }
 
-    /// Flushes once more, at the end, and waits until that is done, at most `patience`.
-    pub fn finish(mut self, patience: Duration) {
+    /// Flushes once more, at the end; a disk that hangs is waited for five seconds.
+    pub fn finish(self) {
         self.ask();
-        let until = Instant::now() + patience;
-        for _ in 0..self.waiting {
-            if self.flushed.recv_timeout(until.saturating_duration_since(Instant::now())).is_err() {
-                tracing::error!(
-                    "the stop latch is not flushed to the disk, which hangs: a power failure may undo the last change"
-                );
-                return;
-            }
+        let Some((changes, thread)) = self.thread else { return };
+        drop(changes);
+        if last_wait::join(thread, || 0).is_none() {
+            tracing::error!(
+                "the stop latch is not flushed, because the disk hangs: a power failure may undo the last change"
+            );
         }
     }
 }

@@ -19,6 +19,8 @@ use tracing_subscriber::fmt::MakeWriter;
 pub(crate) use progress::Progress;
 use queue::Queue;
 
+use crate::output::escaped;
+
 /// Longest wait at the end of a command for streams that are slow or blocked.
 const LAST_WAIT: Duration = Duration::from_secs(1);
 
@@ -111,14 +113,7 @@ pub fn complain(what: impl Display) {
 
 /// Returns a text in which what would command a terminal is escaped: texts of files and of the network are among what is said.
 fn harmless(text: &str) -> String {
-    text.chars().fold(String::with_capacity(text.len()), |mut shown, letter| {
-        if letter.is_control() && !matches!(letter, '\n' | '\t') {
-            shown.extend(letter.escape_default());
-        } else {
-            shown.push(letter);
-        }
-        shown
-    })
+    escaped(text, |letter| !letter.is_control() || matches!(letter, '\n' | '\t'))
 }
 
 fn write_log(line: Vec<u8>) {

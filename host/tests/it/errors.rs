@@ -211,7 +211,7 @@ fn a_bad_option_is_named_with_its_range() {
     }
 }
 
-/// Results that nobody gets are an error, as is a file at its limit; neither leaves litter.
+/// A full standard output and a file at its limit are errors, and no part of a file is left.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_short_command_whose_output_is_full_fails_in_one_line() {
@@ -236,7 +236,7 @@ fn a_short_command_whose_output_is_full_fails_in_one_line() {
     assert_eq!(left, ["follow.html"], "written before its table was printed");
 }
 
-/// What a file says cannot command the terminal.
+/// Texts of files cannot command the terminal.
 #[test]
 fn texts_of_files_are_shown_escaped() {
     let folder = Folder::new("escaped");

@@ -102,7 +102,7 @@ impl Bench {
         let folder = tempfile::tempdir().unwrap();
         let bus = Bus::default();
         let latch = open(folder.path());
-        let flusher = LatchFlusher::of(&latch);
+        let flusher = LatchFlusher::of(&latch).unwrap();
         let server = ServerFixture::with_latch(bus.clone(), latch);
         bus.record().latch = Some(folder.path().join("epoch.stop"));
         let session = SessionFixture::submitted_on(server).obtain(OFFSETS);

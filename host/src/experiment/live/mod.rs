@@ -3,6 +3,7 @@
 //! campaign; the windows are on disk.
 
 mod campaign;
+pub mod keyboard;
 mod probe;
 
 use std::path::PathBuf;

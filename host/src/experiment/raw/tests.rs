@@ -197,6 +197,18 @@ fn what_is_not_a_table_of_ticks_is_refused() {
     assert!(quoted.contains("a row is longer than 1 MiB") && quoted.lines().count() == 1, "{quoted}");
 }
 
+/// A killed campaign is continued: what it has written are whole rows.
+#[test]
+fn a_tick_is_in_the_file_once_it_is_written() {
+    let mut bench = Bench::new("killed");
+    bench.write(&[(Part::Level(0), 3, 0.0)], false);
+    let mut table = RawTable::open(&bench.path(), &bench.plan, true).unwrap();
+    let sample = Sample { tick: 2_000, q: [0.0; 3], wrench: [0.0; 6], lengths_m: [0.0; MAX_GAUGES], gauges: 9 };
+    table.write(&bench.plan, (0, Part::Level(0)), 2.0, &sample).unwrap();
+    let text = std::fs::read_to_string(bench.path()).unwrap();
+    assert!(text.ends_with('\n') && text.lines().count() == 1 + 3 + 1, "{text}");
+}
+
 #[test]
 fn typed_readings_are_not_in_the_table() {
     let mut bench = Bench::new("typed");

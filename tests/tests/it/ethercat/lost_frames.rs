@@ -76,7 +76,7 @@ fn offsets_nm(server: &Server<3, 3>) -> Vec<i64> {
     at_the_drives(server).iter().map(|[offset, _]| offset.abs() * COUNT_NM).collect()
 }
 
-/// Whether the re-arm is asked for while the bus is away or once it is back, the drives go on with what core has in force.
+/// Re-arm while the bus is away, and once it is back: the drives go on with what core has in force.
 #[test]
 fn a_bus_lost_while_an_offset_grows_is_rearmed_with_the_offsets_that_are_in_force() {
     let robot = RobotFile::builtin_l2().unwrap();

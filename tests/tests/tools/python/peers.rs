@@ -109,8 +109,8 @@ fn end(arguments: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// A server that reads so many bytes and answers with others, again and again, and closes.
-fn answering(script: Vec<(usize, Vec<u8>)>) -> String {
+/// A server that reads so many bytes and answers with others, again and again, and then does something else.
+fn scripted(script: Vec<(usize, Vec<u8>)>, then: impl FnOnce(TcpStream) + Send + 'static) -> String {
     let listener = TcpListener::bind(LOOPBACK).unwrap();
     let address = listener.local_addr().unwrap().to_string();
     std::thread::spawn(move || {
@@ -119,11 +119,30 @@ fn answering(script: Vec<(usize, Vec<u8>)>) -> String {
             stream.read_exact(&mut vec![0; length]).unwrap();
             stream.write_all(&answer).unwrap();
         }
+        then(stream);
+    });
+    address
+}
+
+/// A server that answers, and closes.
+fn answering(script: Vec<(usize, Vec<u8>)>) -> String {
+    scripted(script, |mut stream| {
         // A close with bytes unread would be a reset.
         stream.shutdown(Shutdown::Write).unwrap();
         let _ = stream.read_to_end(&mut Vec::new());
-    });
-    address
+    })
+}
+
+/// A server that answers, and then sends `rest` in pieces, one every 20 ms.
+fn dripping(script: Vec<(usize, Vec<u8>)>, rest: Vec<u8>, piece: usize) -> String {
+    scripted(script, move |mut stream| {
+        for bytes in rest.chunks(piece) {
+            if stream.write_all(bytes).is_err() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    })
 }
 
 /// A Welcome of tick 5.
@@ -191,26 +210,6 @@ fn strange_servers() {
     }
 }
 
-/// A server that answers a Hello and whatever comes then, and after each answer, without an end, so many bytes of `rest` every few milliseconds.
-fn dripping(script: Vec<(usize, Vec<u8>)>, rest: Vec<u8>, piece: usize) -> String {
-    let listener = TcpListener::bind(LOOPBACK).unwrap();
-    let address = listener.local_addr().unwrap().to_string();
-    std::thread::spawn(move || {
-        let (mut stream, _) = listener.accept().unwrap();
-        for (length, answer) in script {
-            stream.read_exact(&mut vec![0; length]).unwrap();
-            stream.write_all(&answer).unwrap();
-        }
-        for bytes in rest.chunks(piece) {
-            if stream.write_all(bytes).is_err() {
-                return;
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    });
-    address
-}
-
 /// Time passes, and bytes come, but no whole State and no end of the session.
 fn slow_servers() {
     let live = |tick| state(tick, Phase::Handshake, Cause::None);
@@ -262,7 +261,7 @@ fn six_axes() {
     assert!(ends.iter().any(|end| said.starts_with(end)), "{said}");
 }
 
-/// What the client in Python has as numbers and texts.
+/// Numbers and texts of the client in Python.
 fn constants() {
     let script = "import sys, json; sys.path.insert(0, sys.argv[1]); import gantry_tau as g
 print(json.dumps([g.PHASES, g.CAUSES, g.LIVE, g.GOODBYE_STATES, g.SILENCE_S, g.SAMPLE_STATES, g.FIRST_SAMPLE_STATES, g.CEILING_NM]))";
