@@ -234,13 +234,15 @@ def _answer_until_done(connection, worker, sensor, may_obtain, last_state):
     """Answers the States of a granted session with what the controller returns; raises the reason for the end."""
     readable = [connection.socket, worker.bell] + ([sensor.socket] if sensor.socket else [])
     while True:
+        # What has arrived by the time the step returned is read before its result is taken: the end of the session above all.
+        done = worker.is_done()
         ready, _, _ = select.select(readable, [], [], min(SILENCE_S, worker.seconds_left()))
         for state in connection.receive(connection.socket in ready):
             if state.phase not in LIVE:
                 raise _ended(state, worker)
         # A record is sent before the State of its tick: in this order a State finds it read.
         sensor.read(connection.state)
-        if worker.is_done():
+        if done:
             targets, obtain = worker.take()
             if targets is not None:
                 # The newest State is answered, also if the step began with an older one.
