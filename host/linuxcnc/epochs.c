@@ -43,11 +43,20 @@ static int beside(const char *path, const char *extension, char text[PATH_MAX])
     return 0;
 }
 
+/* Reads the beginning of a file. Returns the length of the text, or -1 with errno. */
+static ssize_t read_text(int file, char *text, size_t size)
+{
+    const ssize_t count = read(file, text, size - 1);
+    text[count < 0 ? 0 : count] = 0;
+    return count;
+}
+
 /* Locks the counter until the component is unloaded or its process ends. Returns 0, or -1 with errno: EWOULDBLOCK if another server has it. */
 static int take_lock(const char *path)
 {
     static char name[PATH_MAX]; /* not on the stack */
     struct stat found;
+    char owner[32];
     if (lstat(path, &found) == 0 && !S_ISREG(found.st_mode)) {
         errno = EINVAL;
         return -1;
@@ -66,16 +75,20 @@ static int take_lock(const char *path)
         errno = reason;
         return -1;
     }
-    return ftruncate(lock, 0) != 0 || dprintf(lock, "pid %ld (gantry_tau of LinuxCNC)\n", (long)getpid()) < 0 ? -1 : 0;
+    if (read_text(lock, owner, sizeof owner) < 0) {
+        return -1;
+    }
+    if (owner[0] != 0 && strncmp(owner, "pid ", 4) != 0) {
+        errno = EEXIST; /* another file has the lock's name */
+        return -1;
+    }
+    return ftruncate(lock, 0) != 0 || lseek(lock, 0, SEEK_SET) != 0 || dprintf(lock, "pid %ld (gantry_tau of LinuxCNC)\n", (long)getpid()) < 0 ? -1 : 0;
 }
 
 void epochs_release(void)
 {
     if (lock != ABSENT) {
-        /* The file must not name a server that has ended; the lock goes with the file. */
-        if (ftruncate(lock, 0) != 0) {
-            /* It is named until the next one starts. */
-        }
+        /* Nothing is written: a disk that hangs must not hold up the end. */
         close(lock);
         lock = ABSENT;
     }
@@ -92,7 +105,7 @@ static int read_counter(const char *path, uint64_t *used)
     if (file < 0) {
         return errno == ENOENT ? 0 : -1;
     }
-    count = read(file, text, sizeof text - 1);
+    count = read_text(file, text, sizeof text);
     close(file);
     if (count < 0) {
         return -1;
@@ -108,6 +121,27 @@ static int flush_and_close(int file)
     return close(file) != 0 || failed != 0 ? -1 : 0;
 }
 
+/* Removes the second file of a crash. Returns 0, or -1 with errno: EEXIST if another file has its name. */
+static int remove_second(const char *second)
+{
+    char text[32];
+    ssize_t count;
+    const int file = open_regular(second, O_RDONLY);
+    if (file < 0) {
+        return errno == ENOENT ? 0 : -1;
+    }
+    count = read_text(file, text, sizeof text);
+    close(file);
+    if (count < 0) {
+        return -1;
+    }
+    if ((size_t)count == sizeof text - 1 || text[strspn(text, "0123456789\n")] != 0) {
+        errno = EEXIST;
+        return -1;
+    }
+    return unlink(second);
+}
+
 /* Writes a second file, flushes it, renames it, flushes the folder: a crash leaves the old or the new number. Returns 0, or -1 with errno. */
 static int persist(const char *path, uint64_t value)
 {
@@ -115,7 +149,7 @@ static int persist(const char *path, uint64_t value)
     char text[32];
     const int length = snprintf(text, sizeof text, "%" PRIu64 "\n", value);
     int file;
-    if (beside(path, "new", second) != 0 || (unlink(second) != 0 && errno != ENOENT)) {
+    if (beside(path, "new", second) != 0 || remove_second(second) != 0) {
         return -1;
     }
     file = open(second, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);

@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use clap::{ArgGroup, Args};
 use gantry_tau::black_box::swap_channel;
-use gantry_tau::black_box::writer::{Writer, Writing};
+use gantry_tau::black_box::writer::Writer;
 use gantry_tau::gauge_link::GaugePublisher;
 use gantry_tau::measurements::plan;
 use gantry_tau::model::MachineKind;
@@ -213,7 +213,7 @@ impl Serve {
         let ports = ports.collect::<std::io::Result<String>>()?;
         let (sensors, mut publications): (Vec<_>, Vec<_>) =
             publications.into_iter().partition(Publication::is_of_sensors);
-        let Begun { epochs, latch, condition, lock: _until_the_end } = state.begin(self.first_run())?;
+        let Begun { epochs, latch, condition, lock } = state.begin(self.first_run())?;
         if condition.is_latched() {
             tracing::warn!("{condition}");
         }
@@ -273,25 +273,34 @@ impl Serve {
             }
         });
         let controls = Arc::clone(&server.controls);
-        let code = match server.quit() {
+        let mut code = match server.quit() {
             Ok(_) => {
                 say("all offsets are zero; ended");
                 ExitCode::SUCCESS
             }
             Err(error @ ServerError::StillInForce { .. }) => fail(3, error),
-            Err(error @ ServerError::StopNotStored) => fail(4, error),
+            Err(error @ ServerError::StopNotStored) => {
+                // The writer may still come to it: until the process is gone the latch is this one's.
+                std::mem::forget(lock);
+                fail(4, error)
+            }
             Err(error) => return Err(error.into()),
         };
         flusher.finish();
         let dropped = controls.dropped_rows.load(Ordering::Relaxed);
-        let boxes_written = black_boxes.map_or(Ok(()), Writing::finish);
-        if let Some(recorded) = file.and_then(|file| file.finish(dropped)) {
-            say(&recorded);
-            if let Some(failure) = recorded.failure {
-                return Err(failure.into());
+        let boxes = black_boxes.and_then(|boxes| boxes.finish().err()).map(|failure| failure.to_string());
+        let recorded = file.and_then(|file| file.finish(dropped));
+        if let Some(recorded) = &recorded {
+            say(recorded);
+        }
+        let recording = recorded.and_then(|recorded| recorded.failure).map(|failure| failure.to_string());
+        for failure in [recording, boxes].into_iter().flatten() {
+            let failed = fail(1, failure);
+            // What the machine or the latch may have says more.
+            if code == ExitCode::SUCCESS {
+                code = failed;
             }
         }
-        boxes_written?;
         Ok(code)
     }
 

@@ -2,6 +2,7 @@
 
 use std::io;
 use std::net::{SocketAddr, TcpStream};
+use std::time::Duration;
 
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
@@ -20,6 +21,9 @@ use crate::publication::Publication;
 use crate::realtime::Socket;
 use crate::sensor_link::{Sample, SensorPublisher};
 use crate::state::StopLatch;
+
+/// Longest wait of a cycle for the stop latch. Drives wait longer for their references; a disk that works needs some ten microseconds.
+const LATCH_PATIENCE: Duration = Duration::from_millis(2);
 
 /// Result of one cycle, for observers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +52,7 @@ pub struct Row<const N: usize> {
     pub drives: Option<[DriveState; N]>,
     /// A stop is latched: asserted by other than the end of the server, and not re-armed.
     pub latched: bool,
-    /// The stop latch could not be written: this stop would not outlive the server.
+    /// The last change of the stop latch is not written, or not yet: it would not outlive the server.
     pub latch_lost: bool,
 }
 
@@ -179,11 +183,12 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         Ok(Self { velocity: Some(velocity.map_err(ServerError::Start)?), ..self })
     }
 
-    /// Enables the drives. In the thread of the cycles, before the first of them.
+    /// Starts the writer of the stop latch, then enables the drives. In the thread of the cycles, before the first of them.
     ///
     /// # Errors
-    /// [`ServerError::Plant`].
+    /// [`ServerError::Thread`], [`ServerError::Plant`].
     pub fn start(&mut self) -> Result<(), ServerError> {
+        self.latch.start_writer(LATCH_PATIENCE).map_err(|error| ServerError::Thread(error.to_string()))?;
         self.plant.start().map_err(ServerError::Plant)
     }
 
@@ -305,7 +310,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             Some(sender) => self.endpoint.tick_recorded(&input, sender.black_box()),
             None => self.endpoint.tick(&input),
         };
-        // Before anything acts, so that no crash can undo a stop.
+        // Before anything acts, so that no crash can undo a stop; a disk that hangs is waited for as long as drives do without references.
         self.latch.set(self.is_latched());
         let parts = self.endpoint.session().demanded();
         let written = match &mut self.velocity {

@@ -100,7 +100,7 @@ impl fmt::Display for ServerError {
                 "all offsets are zero; the stop latch cannot be written, and the next start would not know of a stop or re-arm: \
                  make room on the disk, and check the machine before the server is started again",
             ),
-            Self::Thread(reason) => write!(f, "the cycle thread cannot start: {reason}"),
+            Self::Thread(reason) => write!(f, "the threads of the cycle and of its stop latch cannot start: {reason}"),
         }
     }
 }

@@ -45,6 +45,20 @@ fn failed(path: &Path, reason: String) -> StateError {
     StateError::File { file: "epoch file", path: path.to_owned(), reason }
 }
 
+/// Checks that the name of the second file is free, or has what a crash has left there: a number, or its beginning.
+///
+/// # Errors
+/// [`StateError`]: another file has the name, or it cannot be read.
+pub(super) fn check_second(path: &Path) -> Result<(), StateError> {
+    let second = beside(path, "new");
+    match regular_file::open(&second, Access::Read).and_then(|mut file| regular_file::read(&mut file)) {
+        Ok(text) if text.iter().all(|byte| byte.is_ascii_digit() || *byte == b'\n') => Ok(()),
+        Ok(_) => Err(failed(&second, "is another file, not a counter of gantry-tau; move it away".to_owned())),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(failed(&second, error.to_string())),
+    }
+}
+
 /// Writes a second file, flushes it to the disk, and renames it: a crash leaves the old or the new number. The second file of a crash is
 /// replaced by that of the next run.
 fn persist(path: &Path, value: u64) -> io::Result<()> {

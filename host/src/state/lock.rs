@@ -7,10 +7,11 @@ use std::path::Path;
 use super::regular_file::{self, Access};
 use crate::output::printable;
 
-/// An exclusive lock; released when it is dropped. Its file stays: a file that was removed could be locked twice.
+/// An exclusive lock; released when it is dropped. Its file stays, with the name of the last owner: a file that was removed could be locked
+/// twice, and a disk that hangs must not hold up the end.
 #[derive(Debug)]
 pub struct Lock {
-    file: File,
+    _file: File,
 }
 
 impl Lock {
@@ -34,14 +35,7 @@ impl Lock {
         file.set_len(0)?;
         file.seek(SeekFrom::Start(0))?;
         writeln!(file, "pid {} ({owner})", std::process::id())?;
-        Ok(Ok(Self { file }))
-    }
-}
-
-/// Empties the file, so that it never names a process that has ended in order.
-impl Drop for Lock {
-    fn drop(&mut self) {
-        let _emptied = self.file.set_len(0);
+        Ok(Ok(Self { _file: file }))
     }
 }
 

@@ -6,6 +6,7 @@
 #![allow(clippy::disallowed_methods, reason = "the state of a server has a policy of its own")]
 
 mod epoch;
+mod latch_writer;
 mod lock;
 mod place;
 mod regular_file;
@@ -145,6 +146,7 @@ impl State {
         let taken = Lock::take(&lock_file, owner).map_err(|error| unreachable("lock", &lock_file, &error))?;
         let lock = taken.map_err(|owner| StateError::InUse { path: path.clone(), owner })?;
         let used = epoch::read(path)?;
+        epoch::check_second(path)?;
         let is_latched = stop_latch::read(&beside(path, "stop"))?;
         Ok(Self { epoch_file: path.clone(), used, is_latched, lock })
     }

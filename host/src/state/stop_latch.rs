@@ -1,24 +1,21 @@
 //! The stop latch on disk: a stop outlives the server that saw it, until somebody re-arms at the machine.
 //!
-//! The file lies beside the epoch counter. The cycle writes it in the tick that latches or releases a stop: some bytes into an open file, which the
-//! death of the process does not undo. A [`LatchFlusher`] in another thread flushes them: only then do they survive a power failure.
+//! The file lies beside the epoch counter. In the tick that latches or releases a stop some bytes are written into the open file, which the death
+//! of the process does not undo: by a [`Writer`] for which the cycle waits a moment. A [`LatchFlusher`] in another thread flushes them: only
+//! then do they survive a power failure.
 
 use std::fs::File;
-use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use super::StateError;
 use super::epoch::sync_folder;
+use super::latch_writer::{LENGTH, RELEASED, Writer, write_position};
 use super::regular_file::{self, Access};
 use crate::last_wait;
-
-/// Contents of the file, of one length, so that each replaces the other.
-const STOPPED: &str = "stopped \n";
-const RELEASED: &str = "released\n";
-/// Longest text that is taken for a latch, if for a damaged one, bytes.
-const LONGEST: usize = 64;
 
 /// Reads a latch: true if it is latched, or cannot be understood; `None` without a file.
 ///
@@ -26,13 +23,13 @@ const LONGEST: usize = 64;
 /// [`StateError`]: not a regular file, too long for a latch, or it cannot be read.
 pub(super) fn read(path: &Path) -> Result<Option<bool>, StateError> {
     match regular_file::open(path, Access::Read).and_then(|mut file| regular_file::read(&mut file)) {
-        // Damage, or another version, makes none that is as long.
-        Ok(text) if text.len() > LONGEST => {
+        // Damage makes none that is longer.
+        Ok(text) if text.len() > LENGTH => {
             let reason =
                 "is another file, not a stop latch of gantry-tau; move it away: the server then starts in Fault";
             Err(failed(path, &io::Error::new(ErrorKind::InvalidInput, reason)))
         }
-        Ok(text) => Ok(Some(text != RELEASED.as_bytes())),
+        Ok(text) => Ok(Some(text != RELEASED)),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
         Err(error) => Err(failed(path, &error)),
     }
@@ -42,11 +39,21 @@ fn failed(path: &Path, error: &io::Error) -> StateError {
     StateError::File { file: "stop latch", path: path.to_owned(), reason: error.to_string() }
 }
 
+/// Where a latch is kept.
+#[derive(Debug)]
+enum Store {
+    /// Nowhere.
+    None,
+    /// Written by the thread that sets the latch.
+    File(File),
+    /// Written by a thread of its own.
+    Writer(Writer, File),
+}
+
 /// The latch of a server.
 #[derive(Debug)]
 pub struct StopLatch {
-    /// Absent if nothing is kept.
-    file: Option<File>,
+    store: Store,
     is_latched: bool,
     is_lost: bool,
 }
@@ -55,7 +62,7 @@ impl StopLatch {
     /// A latch that ends with the process: for simulations.
     #[must_use]
     pub const fn volatile() -> Self {
-        Self { file: None, is_latched: false, is_lost: false }
+        Self { store: Store::None, is_latched: false, is_lost: false }
     }
 
     /// Opens a latch for writing, and writes its position.
@@ -64,17 +71,27 @@ impl StopLatch {
     /// [`StateError`]: the file cannot be written, so that a stop could not be kept.
     pub(super) fn open(path: &Path, is_latched: bool) -> Result<Self, StateError> {
         let opened = || {
-            let file = regular_file::open(path, Access::Create)?;
-            let mut latch = Self { file: Some(file), is_latched, is_lost: false };
-            latch.write(is_latched)?;
-            if let Some(file) = &latch.file {
-                file.set_len(RELEASED.len() as u64)?;
-                file.sync_all()?;
-            }
+            let mut file = regular_file::open(path, Access::Create)?;
+            write_position(&mut file, is_latched)?;
+            file.set_len(LENGTH as u64)?;
+            file.sync_all()?;
             sync_folder(path)?;
-            Ok(latch)
+            Ok(Self { store: Store::File(file), is_latched, is_lost: false })
         };
         opened().map_err(|error| failed(path, &error))
+    }
+
+    /// From here on a thread of its own writes the latch. It has priority and privileges of the calling thread, which is the one that sets the
+    /// latch and waits for each change, at most as long as `patience`.
+    ///
+    /// # Errors
+    /// The system's: there is no further thread or open file.
+    pub fn start_writer(&mut self, patience: Duration) -> io::Result<()> {
+        if let Store::File(file) = &self.store {
+            let theirs = file.try_clone()?;
+            self.store = Store::Writer(Writer::start(theirs, patience)?, file.try_clone()?);
+        }
+        Ok(())
     }
 
     /// True after a stop that was not re-armed.
@@ -83,30 +100,38 @@ impl StopLatch {
         self.is_latched
     }
 
-    /// True if the last change could not be written.
+    /// True if the last change is not written, or not yet.
     #[must_use]
     pub const fn is_lost(&self) -> bool {
         self.is_lost
     }
 
-    /// Returns what the file says; `None` if the last change could not be written.
+    /// Returns what the file says; `None` if the last change is not written.
     #[must_use]
     pub fn stored(&self) -> Option<bool> {
         (!self.is_lost).then_some(self.is_latched)
     }
 
-    /// Latches or releases. Does nothing if that is so already.
+    /// Latches or releases. Tries again what could not be written, and otherwise does nothing if it is so already.
     pub fn set(&mut self, is_latched: bool) {
-        if is_latched != self.is_latched || self.is_lost {
-            self.is_lost = self.write(is_latched).is_err();
+        let is_change = is_latched != self.is_latched;
+        if is_change || self.is_lost {
+            self.is_latched = is_latched;
+            self.is_lost = match &mut self.store {
+                Store::None => false,
+                Store::File(file) => write_position(file, is_latched).is_err(),
+                Store::Writer(writer, _) if is_change => !writer.write(is_latched),
+                Store::Writer(writer, _) => !writer.is_written(is_latched),
+            };
         }
     }
 
-    fn write(&mut self, is_latched: bool) -> io::Result<()> {
-        self.is_latched = is_latched;
-        let Some(file) = &mut self.file else { return Ok(()) };
-        file.seek(SeekFrom::Start(0))?;
-        file.write_all(if is_latched { STOPPED } else { RELEASED }.as_bytes())
+    /// Returns the file; `None` if nothing is kept.
+    const fn file(&self) -> Option<&File> {
+        match &self.store {
+            Store::None => None,
+            Store::File(file) | Store::Writer(_, file) => Some(file),
+        }
     }
 }
 
@@ -135,7 +160,7 @@ impl LatchFlusher {
             let thread = std::thread::Builder::new().name("stop latch".to_owned()).spawn(flush_each)?;
             io::Result::Ok((changes, thread))
         };
-        Ok(Self { thread: latch.file.as_ref().map(start).transpose()?, is_latched: latch.is_latched })
+        Ok(Self { thread: latch.file().map(start).transpose()?, is_latched: latch.is_latched })
     }
 
     /// Asks for a flush when a stop is latched or released, and returns true if it does. In a quit the phase does not tell when.

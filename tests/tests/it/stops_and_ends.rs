@@ -3,6 +3,7 @@
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+use std::time::Duration;
 
 use gantry_tau::server::cycle::{Demands, Row};
 use gantry_tau::state::{FirstRun, LatchFlusher, Place, State, StopLatch};
@@ -92,9 +93,13 @@ struct Bench {
     quit: bool,
 }
 
-/// The latch of a server that begins. The lock is given back at once: killed servers are no owners.
+/// The latch of a server that begins, written by a thread as that of `serve`. The lock is given back at once: killed servers are no owners.
 fn open(folder: &Path) -> StopLatch {
-    State::own(&Place::named(&folder.join("epoch")), "test").unwrap().begin(FirstRun::Harmless).unwrap().latch
+    let state = State::own(&Place::named(&folder.join("epoch")), "test").unwrap();
+    let mut latch = state.begin(FirstRun::Harmless).unwrap().latch;
+    // A busy machine is no disk that hangs.
+    latch.start_writer(Duration::from_secs(120)).unwrap();
+    latch
 }
 
 impl Bench {

@@ -88,6 +88,19 @@ fn failure<const N: usize>(row: &Row<N>) -> String {
     text + "; stopped"
 }
 
+/// Ticks for which a change of the stop latch may be on its way to the file; a busy disk, or a processor without real-time priority, needs some.
+const LATCH_TICKS: u64 = 100;
+
+/// The last change of the stop latch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Latch {
+    Written,
+    /// Not written since this tick.
+    Waits(u64),
+    /// The same, and that is told.
+    Told,
+}
+
 /// Logs phase changes, ends of sessions and the first of each kind of trouble; of a failing machine, each reason once until a re-arm.
 /// Lines about clients that are refused, or gone before their first command, are throttled; the events that it returns are complete.
 #[derive(Debug)]
@@ -98,7 +111,7 @@ pub struct EventLog {
     /// Failures of the machine that were logged since the last re-arm, and the number of those that came again.
     failures: Vec<Option<PlantError>>,
     failed_again: u64,
-    latch_lost: bool,
+    latch: Latch,
     strangers: Strangers,
     /// The last session had a command, or was stopped; before the first one, the ramp of an earlier server.
     has_acted: bool,
@@ -114,7 +127,7 @@ impl Default for EventLog {
             plant_failed: false,
             failures: Vec::new(),
             failed_again: 0,
-            latch_lost: false,
+            latch: Latch::Written,
             strangers: Strangers::default(),
             has_acted: true,
             grant: None,
@@ -183,10 +196,7 @@ impl EventLog {
         }
         self.phase = state.phase;
         self.plant_failed = row.plant_failed;
-        if row.latch_lost && !self.latch_lost {
-            tracing::error!("tick {tick}: the stop latch cannot be written: do not restart the server before a re-arm");
-        }
-        self.latch_lost = row.latch_lost;
+        self.log_latch(tick, row.latch_lost);
         self.log_counters(tick, &state.counters);
         events
     }
@@ -199,6 +209,25 @@ impl EventLog {
             EventKind::Phase => !self.has_acted,
             EventKind::MachineFailed | EventKind::RowsLost => false,
         }
+    }
+
+    /// Logs a stop latch that is not written for some time, and that it is written again.
+    fn log_latch(&mut self, tick: u64, is_lost: bool) {
+        self.latch = match (self.latch, is_lost) {
+            (Latch::Written, true) => Latch::Waits(tick),
+            (Latch::Waits(since), true) if tick.saturating_sub(since) >= LATCH_TICKS => {
+                tracing::error!(
+                    "tick {tick}: the stop latch cannot be written: do not restart the server before a re-arm"
+                );
+                Latch::Told
+            }
+            (Latch::Told, false) => {
+                tracing::info!("tick {tick}: the stop latch is written again");
+                Latch::Written
+            }
+            (_, false) => Latch::Written,
+            (latch, true) => latch,
+        };
     }
 
     /// Logs a machine that failed as an error, and an end that nobody asked for as a warning.

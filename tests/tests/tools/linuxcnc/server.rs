@@ -289,6 +289,7 @@ fn bad_parameters() {
     );
     refused("device-epochs", &format!("{ports} epoch_file=/dev/null"), "epoch_file=/dev/null: ");
     epochs_in_use(&ports);
+    names_in_use(&ports);
     refused("no-port", "port=70000 epoch_file=epochs", "port=70000 is not a port");
     refused("no-address", &format!("{ports} address=here epoch_file=epochs"), "address=here is not an IPv4 address");
 }
@@ -307,6 +308,23 @@ fn epochs_in_use(ports: &str) {
     assert!(!place.epoch_file.exists());
     drop(owned);
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// Another file that has the name of the lock, or of the counter's second file, is left as it is.
+fn names_in_use(ports: &str) {
+    let folder = std::env::temp_dir().join(format!("gantry-tau-names-in-use-{}", std::process::id()));
+    for extension in ["lock", "new"] {
+        std::fs::create_dir_all(&folder).unwrap();
+        let [file, other] = ["epochs".to_owned(), format!("epochs.{extension}")].map(|name| folder.join(name));
+        std::fs::write(&other, "4 of another program\n").unwrap();
+        // LinuxCNC runs as another user.
+        for path in [&folder, &other] {
+            std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
+        }
+        refused("names-in-use", &format!("{ports} epoch_file={}", file.display()), "epochs: File exists");
+        assert_eq!(std::fs::read_to_string(other).unwrap(), "4 of another program\n");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 }
 
 fn port_in_use() {
@@ -330,8 +348,8 @@ fn known_functions_only() {
     let text = String::from_utf8(listed.stdout).unwrap();
     let needed: BTreeSet<&str> =
         text.lines().filter_map(|line| line.split_whitespace().last()?.split('@').next()).collect();
-    let known = "accept4 bind close dirname dprintf flock fstat fsync ftruncate getpid inet_pton listen lstat memcmp memcpy memmove memset bcmp nanosleep open \
-                 ppoll read recv recvfrom rename send sendto setsockopt snprintf socket strcpy strerror strlen strspn strtoull unlink write";
+    let known = "accept4 bind close dirname dprintf flock fstat fsync ftruncate getpid inet_pton listen lseek lstat memcmp memcpy memmove memset bcmp nanosleep open \
+                 ppoll read recv recvfrom rename send sendto setsockopt snprintf socket strcpy strerror strlen strncmp strspn strtoull unlink write";
     let known: BTreeSet<&str> = known.split_whitespace().collect();
     let is_known = |name: &str| {
         known.contains(name) || name.starts_with("hal_") || name.starts_with("rtapi_") || name.starts_with('_')

@@ -32,6 +32,10 @@ const MAX_EXPOSURE: u32 = 14;
 /// The same with the drop-in for EtherCAT: one capability and two families of addresses more.
 const MAX_EXPOSURE_ON_A_BUS: u32 = 20;
 
+/// Mounts an image and freezes it, in a namespace of its own.
+const FREEZE: &str = "set -e; image=$(mktemp); trap 'rm -f $image' EXIT; truncate -s 1M $image; mkfs.ext4 -q $image
+unshare -m sh -c \"mount -o loop $image /mnt && fsfreeze --freeze /mnt && fsfreeze --unfreeze /mnt\"";
+
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let analyze = missing("systemd-analyze", &["--version"]);
@@ -46,7 +50,12 @@ pub(crate) fn trials() -> Vec<Trial> {
     let namespace = (!succeeds(Command::new("unshare").args(["-r", "true"])))
         .then(|| "user namespaces not permitted".to_owned())
         .or_else(|| missing("prlimit", &["--version"]));
+    let freezing = sandbox.clone().or_else(|| missing("mkfs.ext4", &["-V"])).or_else(|| {
+        (!succeeds(Command::new("sh").args(["-c", FREEZE])))
+            .then(|| "freezing of a loop device not permitted".to_owned())
+    });
     vec![
+        trial("a_disk_that_hangs_holds_up_no_ramp_and_loses_no_stop", freezing, hangs),
         trial("the_unit_is_valid", analyze.clone(), is_valid),
         trial("the_unit_is_hardened", analyze, is_hardened),
         trial("a_disk_that_fills_up_ends_the_recording_alone", sandbox.clone(), fills_a_disk),
@@ -199,6 +208,44 @@ fn fills_a_disk() -> Result<(), Failed> {
         let log = server.log();
         assert_eq!(code, Some(1), "{log}");
         assert!(log.contains("all offsets are zero; ended") && log.contains(" rows to "), "{log}");
+        drop(client);
+    }
+    Ok(())
+}
+
+/// A disk that has everything, and on which every write hangs from some moment in Obtain on: the ramp is done, and the stop is in the latch when
+/// the disk goes on, unless the server was ended before and said that it is not.
+fn hangs() -> Result<(), Failed> {
+    let on_disk = |file: &str| format!("{DISK}/{file}");
+    for ends_frozen in [false, true] {
+        let sandbox = Sandbox::with_disk("service-frozen");
+        let state = ["--epoch-file".to_owned(), on_disk("epoch"), "--record".to_owned(), on_disk("run.csv")];
+        let options: Vec<String> = state.into_iter().chain(["--black-box".to_owned(), on_disk("boxes")]).collect();
+        let options: Vec<&str> = options.iter().map(String::as_str).collect();
+        let mut server = sandbox.start("server", "lockstep", &options);
+        server.await_words("listening on ");
+        let client = server.client();
+        server.await_words("Submit -> Obtain");
+        let frozen = server.freeze();
+        server.say("stop\n");
+        server.await_words("Obtain -> Fault");
+        server.await_words("the stop latch cannot be written: do not restart");
+        if ends_frozen {
+            server.tell_to_end();
+            server.await_words("all offsets are zero; the stop latch cannot be written");
+            server.await_words("its disk or reader takes nothing");
+            drop(frozen);
+            assert_eq!(server.end(), Some(4), "{}", server.log());
+            assert!(server.log().contains("the next start would not know of a stop"), "{}", server.log());
+        } else {
+            drop(frozen);
+            server.await_words("the stop latch is written again");
+            assert_eq!(server.terminate(), Some(0), "{}", server.log());
+            assert!(server.log().contains(" rows to "), "{}", server.log());
+            let mut again = sandbox.start("again", "lockstep", &["--epoch-file", &on_disk("epoch")]);
+            again.await_words("starts in Fault");
+            assert_eq!(again.terminate(), Some(0), "{}", again.log());
+        }
         drop(client);
     }
     Ok(())

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
+use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -13,15 +14,17 @@ use super::{gantry_tau, values};
 const USER: &str = "61234";
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// Folder of the sandbox that is a disk of its own, of 16 MiB.
+/// Folder of the sandbox that is a disk of its own, of 16 MiB: in memory, or the file `disk` of the state folder, which can be frozen.
 pub(super) const DISK: &str = "/tmp/disk";
 /// Everything is read-only, but for the state folder, and /tmp is the service's own. `$1`: the state folder; the rest: the command.
 const NAMESPACE: &str = "set -e; state=$1; shift
 mount --make-rprivate /
 mount --bind \"$state\" /mnt
+mount -t tmpfs -o mode=1777,size=16m tmpfs /media
+[ ! -e /mnt/disk ] || mount -o loop /mnt/disk /media
 mount -t tmpfs -o mode=1777 tmpfs /tmp
 mkdir /tmp/state /tmp/disk
-mount -t tmpfs -o mode=1777,size=16m tmpfs /tmp/disk
+mount --move /media /tmp/disk
 mount --move /mnt /tmp/state
 mount -o remount,bind,ro /
 cd /tmp/state
@@ -53,6 +56,17 @@ impl Sandbox {
         let owner = format!("{USER}:{USER}");
         let mut chown = Command::new("chown");
         assert!(chown.arg(owner).arg(sandbox.place.join("state")).status().unwrap().success());
+        sandbox
+    }
+
+    /// The same with a disk that can be frozen.
+    pub(super) fn with_disk(name: &str) -> Self {
+        let sandbox = Self::new(name, Vec::new());
+        let disk = sandbox.place.join("state/disk");
+        File::create(&disk).unwrap().set_len(16 << 20).unwrap();
+        let mut mkfs = Command::new("mkfs.ext4");
+        mkfs.args(["-q", "-E", &format!("root_owner={USER}:{USER}")]).arg(disk);
+        assert!(mkfs.status().unwrap().success());
         sandbox
     }
 
@@ -159,15 +173,27 @@ impl Running {
         Path::new("/proc").join(self.child.id().to_string()).join("root").join(path.trim_start_matches('/'))
     }
 
+    /// Freezes the disk.
+    pub(super) fn freeze(&self) -> Frozen {
+        let frozen = Frozen(File::open(self.file(DISK)).unwrap());
+        assert!(frozen.fsfreeze("--freeze"));
+        frozen
+    }
+
     /// Ends it as systemd does, by SIGTERM to the server itself; returns its exit code.
     pub(super) fn terminate(&mut self) -> Option<i32> {
+        self.tell_to_end();
+        self.end()
+    }
+
+    /// SIGTERM to the server itself.
+    pub(super) fn tell_to_end(&self) {
         let own = self.child.id().to_string();
         // A tracer stands between; the server is its only child.
         let children = fs::read_to_string(Path::new("/proc").join(&own).join("task").join(&own).join("children"));
         let server = children.ok().and_then(|children| children.split_whitespace().next().map(str::to_owned));
         let status = Command::new("kill").args(["-TERM", server.as_ref().unwrap_or(&own)]).status();
         assert!(status.unwrap().success());
-        self.end()
     }
 
     /// Waits for its end; returns its exit code.
@@ -187,6 +213,23 @@ impl Drop for Running {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+/// A disk on which every write hangs, until this is dropped.
+pub(super) struct Frozen(File);
+
+impl Frozen {
+    /// By the open folder: a server whose main thread has ended has none.
+    fn fsfreeze(&self, option: &str) -> bool {
+        let folder = format!("/proc/{}/fd/{}", std::process::id(), self.0.as_raw_fd());
+        Command::new("fsfreeze").args([option, &folder]).status().unwrap().success()
+    }
+}
+
+impl Drop for Frozen {
+    fn drop(&mut self) {
+        let _ = self.fsfreeze("--unfreeze");
     }
 }
 
