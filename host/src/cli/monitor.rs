@@ -107,7 +107,7 @@ impl MachineCommand for Monitor {
         let to = self.record.clone().map(|to| self.record_limit.of(to).with_version(self.labcomm_version.into()));
         let recording = to.map(|to| Recording::create::<Row<N>, K>(&to, &robot)).transpose()?;
         let kinematics = robot.checksum();
-        let tap = recording.map(|recording| tap(recording, kinematics));
+        let tap = recording.map(|recording| tap(recording, kinematics)).transpose()?;
         match self.web {
             Some(address) => self.serve(address, robot, tap),
             None => self.show(tap),

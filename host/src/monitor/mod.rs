@@ -90,7 +90,7 @@ impl Monitor {
 
     /// Completes the recording of the tap, if there is one.
     pub fn finish(self) -> Option<Recorded> {
-        self.tap.map(Tap::finish)
+        self.tap.and_then(Tap::finish)
     }
 
     /// Addresses of the server.

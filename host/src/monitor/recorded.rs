@@ -9,7 +9,7 @@ use super::assembly::Tick as Received;
 use super::snapshot::MachineName;
 use super::stream::{Happened, StreamError};
 use crate::plant::{DriveState, ToolReading};
-use crate::record::{Recorded, Recording};
+use crate::record::{self, RecordError, Recorded, Recording};
 use crate::server::cycle::Row;
 use crate::server::event_log::{Event, EventKind};
 
@@ -32,13 +32,15 @@ pub trait Tap {
     /// [`StreamError`]: the tick is of another machine, or of another version of the program.
     fn tick(&mut self, tick: &Received, machine: Option<&MachineName>) -> Result<(), StreamError>;
 
-    /// Completes the file.
-    fn finish(self: Box<Self>) -> Recorded;
+    /// Completes the file; `None` if its thread panicked.
+    fn finish(self: Box<Self>) -> Option<Recorded>;
 }
 
-/// A recording, and the tick that waits for its events.
+/// A recording in a thread of its own, and the tick that waits for its events.
 struct Recorder<const N: usize> {
-    recording: Recording<N>,
+    recording: record::Recorder<Row<N>, N>,
+    /// The recording draws the machine, and so needs its name.
+    draws: bool,
     /// Checksum of the machine's kinematic parameters.
     kinematics: u32,
     waiting: Option<Row<N>>,
@@ -51,9 +53,13 @@ struct Recorder<const N: usize> {
 }
 
 /// Takes a recording of a machine of `N` axes, whose kinematic parameters have this checksum.
-#[must_use]
-pub fn tap<const N: usize>(recording: Recording<N>, kinematics: u32) -> Box<dyn Tap> {
-    Box::new(Recorder { recording, kinematics, waiting: None, events: Vec::new(), lost: 0, other: None })
+///
+/// # Errors
+/// [`RecordError`]: there is no further thread.
+pub fn tap<const N: usize>(recording: Recording<N>, kinematics: u32) -> Result<Box<dyn Tap>, RecordError> {
+    let draws = recording.draws();
+    let recording = record::Recorder::start(recording)?;
+    Ok(Box::new(Recorder { recording, draws, kinematics, waiting: None, events: Vec::new(), lost: 0, other: None }))
 }
 
 impl<const N: usize> Recorder<N> {
@@ -67,7 +73,7 @@ impl<const N: usize> Recorder<N> {
             Some(machine) if machine.kinematics != self.kinematics => {
                 Some(StreamError::OtherKinematics { sent: machine.kinematics, expected: self.kinematics })
             }
-            None if self.recording.draws() => Some(StreamError::UnknownMachine),
+            None if self.draws => Some(StreamError::UnknownMachine),
             _ => None,
         }
     }
@@ -82,7 +88,7 @@ impl<const N: usize> Recorder<N> {
             is_now
         });
         self.events = later;
-        self.recording.write::<Row<N>>(&row, &now);
+        self.recording.push_patiently(row, now);
     }
 }
 
@@ -91,9 +97,7 @@ impl<const N: usize> Tap for Recorder<N> {
     fn connected(&mut self) {
         self.write();
         self.events.clear();
-        if let Some(recorded) = self.recording.begin_next() {
-            tracing::info!("{recorded}; the next connection begins another file");
-        }
+        self.recording.begin_next();
     }
 
     fn happened(&mut self, happened: &Happened) {
@@ -121,7 +125,7 @@ impl<const N: usize> Tap for Recorder<N> {
         Ok(())
     }
 
-    fn finish(mut self: Box<Self>) -> Recorded {
+    fn finish(mut self: Box<Self>) -> Option<Recorded> {
         self.write();
         if let Some(other) = self.other {
             tracing::warn!("ticks are not in the recording: {other}");

@@ -6,7 +6,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::place::{self, Place};
-use super::{Kind, WriteError, shown};
+use super::{Kind, WriteError, shown, stream};
 
 /// Largest number behind the name of a recording.
 const MAX_NUMBER: u32 = 99_999;
@@ -44,7 +44,7 @@ impl GrowingFile {
         Self::at(path, place, State::Fresh { companion })
     }
 
-    /// File in the place of one that has no rows, or of none.
+    /// File in the place of one that has no rows, or of none. A pipe or device fails when it takes nothing for five seconds.
     ///
     /// # Errors
     /// [`WriteError`]: no file can be made there.
@@ -65,7 +65,12 @@ impl GrowingFile {
         let path = path.to_owned();
         match place {
             Place::Stream(target) => {
-                let file = place::open_stream(&target).map_err(|error| WriteError::system(&path, &error))?;
+                let opened = match &state {
+                    // Its writer has a thread of its own.
+                    State::Fresh { .. } => stream::open(&target),
+                    _ => stream::open_without_waiting(&target),
+                };
+                let file = opened.map_err(|error| WriteError::system(&path, &error))?;
                 Ok(Self { path, state: State::Open(file) })
             }
             Place::Free(target) | Place::File(target) => {
@@ -137,6 +142,11 @@ impl Write for GrowingFile {
                 Ok(0) => return Err(take_back(file, written, io::ErrorKind::WriteZero.into())),
                 Ok(count) => written = written.saturating_add(count),
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    if let Err(blocked) = stream::await_room(file) {
+                        return Err(take_back(file, written, blocked));
+                    }
+                }
                 Err(error) => return Err(take_back(file, written, error)),
             }
         }

@@ -19,6 +19,7 @@ mod growing;
 mod kind;
 mod name;
 mod place;
+mod stream;
 
 use std::fs;
 use std::io::Write as _;

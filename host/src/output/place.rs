@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::WriteError;
+use super::{WriteError, stream};
 
 /// Target of a path.
 pub(super) enum Place {
@@ -84,15 +84,9 @@ pub(super) fn owned(file: File) -> io::Result<File> {
     Ok(file)
 }
 
-/// Opens a device or a pipe.
-#[allow(clippy::disallowed_methods, reason = "outputs are opened in this module only")]
-pub(super) fn open_stream(path: &Path) -> io::Result<File> {
-    OpenOptions::new().write(true).open(path)
-}
-
 /// Writes to a device or a pipe.
 pub(super) fn write_stream(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    open_stream(path)?.write_all(bytes)
+    stream::open(path)?.write_all(bytes)
 }
 
 /// A path by which a file is known even before it exists: its folder resolved.

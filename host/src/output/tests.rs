@@ -1,4 +1,4 @@
-use std::io::Write as _;
+use std::io::{self, Write as _};
 
 use super::*;
 
@@ -136,6 +136,35 @@ fn a_stream_that_is_full_is_an_error() {
     let output = Output::new("/dev/full", Kind::Picture);
     let error = output.write("<svg xmlns=\"http://www.w3.org/2000/svg\"></svg>\n").unwrap_err().to_string();
     assert!(error.contains("/dev/full") && error.contains("No space left"), "{error}");
+}
+
+/// Found by review: `experiment -o` and `--raw` hung in a pipe that is not read.
+#[cfg(unix)]
+#[test]
+fn a_table_into_a_pipe_that_is_not_read_is_an_error() {
+    let folder = Folder::new("pipe");
+    let path = folder.path("rows.csv");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let error = GrowingFile::replacing(&path).unwrap_err().to_string();
+    assert!(error.contains("rows.csv: no program reads the pipe"), "{error}");
+    let reader = std::thread::spawn({
+        let path = path.clone();
+        move || fs::File::open(path).unwrap()
+    });
+    let mut table = GrowingFile::replacing(&path).unwrap();
+    let mut reader = reader.join().unwrap();
+    let rows = [b'1'; 1 << 17];
+    // More than the pipe holds, for a reader that is slow.
+    let taken = std::thread::spawn(move || {
+        io::Read::read_exact(&mut reader, &mut [0; 1 << 17]).unwrap();
+        reader
+    });
+    table.write_all(&rows).unwrap();
+    let reader = taken.join().unwrap();
+    let error = table.write_all(&rows).unwrap_err();
+    assert_eq!((error.kind(), error.to_string().as_str()), (io::ErrorKind::TimedOut, "its reader takes nothing"));
+    drop(reader);
+    assert_eq!(table.write_all(&rows).unwrap_err().kind(), io::ErrorKind::BrokenPipe);
 }
 
 /// Measured and foreign files, which no output replaces.

@@ -39,10 +39,20 @@ const QUEUE: usize = 8_192;
 pub struct Recorder<T, const N: usize> {
     /// Path that was asked for.
     path: PathBuf,
-    queue: rtrb::Producer<(T, Vec<Event>)>,
+    queue: rtrb::Producer<Item<T>>,
     thread: JoinHandle<Recorded>,
     dropped: u64,
+    /// The next row begins another file.
+    begins_next: bool,
     shared: Arc<Shared>,
+}
+
+/// Item of the queue.
+#[derive(Debug)]
+enum Item<T> {
+    Row(T, Vec<Event>),
+    /// What follows begins another file.
+    NextFile,
 }
 
 /// Exchange between the writing thread and the producer.
@@ -62,14 +72,21 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
     /// [`RecordError`]: there is no further thread.
     pub fn start(mut recording: Recording<N>) -> Result<Self, RecordError> {
         let path = recording.path().to_owned();
-        let (queue, mut rows) = rtrb::RingBuffer::<(T, Vec<Event>)>::new(QUEUE);
+        let (queue, mut rows) = rtrb::RingBuffer::new(QUEUE);
         let shared = Arc::new(Shared::default());
         let told = Arc::clone(&shared);
         let write = move || {
             // But for its file. Without the right to give them up it has none.
             let _ = crate::privileges::give_up(&[recording.path().to_owned()]);
-            drain(&mut rows, |(row, events), _| {
-                recording.write(row, events);
+            drain(&mut rows, |item, _| {
+                match item {
+                    Item::Row(row, events) => recording.write(row, events),
+                    Item::NextFile => {
+                        if let Some(recorded) = recording.begin_next() {
+                            tracing::info!("{recorded}; the next connection begins another file");
+                        }
+                    }
+                }
                 told.taken.fetch_add(1, Ordering::Relaxed);
                 told.has_failed.fetch_or(recording.has_failed(), Ordering::Relaxed);
             });
@@ -77,7 +94,7 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         };
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(write);
         let thread = thread.map_err(|error| RecordError { path: path.clone(), reason: error.to_string() })?;
-        Ok(Self { path, queue, thread, dropped: 0, shared })
+        Ok(Self { path, queue, thread, dropped: 0, begins_next: false, shared })
     }
 
     /// True once rows are lost: the file has failed, or does not take them in time.
@@ -88,7 +105,9 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
 
     /// Adds a row with what happened in it, or counts it as dropped; the first one is told.
     pub fn push(&mut self, row: T, events: Vec<Event>) {
-        if self.queue.push((row, events)).is_err() {
+        // In this order: rows before and after it never share a file.
+        self.begins_next = self.begins_next && self.queue.push(Item::NextFile).is_err();
+        if self.begins_next || self.queue.push(Item::Row(row, events)).is_err() {
             if self.dropped == 0 {
                 tracing::warn!("the recording loses rows: its disk does not take {QUEUE} rows in time");
             }
@@ -96,11 +115,25 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         }
     }
 
+    /// The same, for a thread that may wait: until rows are lost it waits for room, at most five seconds in which none is written.
+    pub fn push_patiently(&mut self, row: T, events: Vec<Event>) {
+        if self.dropped == 0 {
+            let taken = || self.shared.taken.load(Ordering::Relaxed);
+            let _has_room = last_wait::until(|| self.queue.slots() > 1 || self.thread.is_finished(), taken);
+        }
+        self.push(row, events);
+    }
+
+    /// The next row begins another file.
+    pub const fn begin_next(&mut self) {
+        self.begins_next = true;
+    }
+
     /// Ends the recording, and adds rows that were dropped before they came here. `None` if the writing thread panicked, which was reported
     /// on stderr. A file whose disk or reader takes nothing for five seconds is left as it is: that is its failure then.
     #[must_use]
     pub fn finish(self, dropped: u64) -> Option<Recorded> {
-        let Self { path, queue, thread, dropped: here, shared } = self;
+        let Self { path, queue, thread, dropped: here, shared, .. } = self;
         let lost = here.saturating_add(dropped);
         shared.dropped.store(lost, Ordering::Release);
         drop(queue);

@@ -78,6 +78,32 @@ fn that_hang_block_nothing_but_the_recording() {
     bench.assert_ramped();
 }
 
+/// A recording of a monitor into a pipe that is not read: Ctrl-C ends it. One that nobody opens is refused.
+#[test]
+fn that_hang_keep_no_monitor() {
+    let bench = Bench::new("disk-monitor");
+    let pipe = bench.folder.path("pipe.csv");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let record = ["monitor", &bench.at(7003), "--record", "pipe.csv"];
+    let refused = bench.folder.start("refused", &record).end().failure(1);
+    assert!(refused.contains("pipe.csv: no program reads the pipe"), "{refused}");
+    // Opened, and not read: it takes some hundred rows.
+    let reader = std::thread::spawn(move || File::open(pipe).unwrap());
+    let server = bench.healthy_serve();
+    let mut monitor = bench.folder.start("monitor", &record);
+    let owner = bench.paced_client();
+    monitor.await_words("Obtain");
+    let from = bench.await_an_offset();
+    bench.await_more(from);
+    monitor.interrupt();
+    let said = monitor.end().failure(1);
+    assert!(said.contains("its disk or reader takes nothing"), "{said}");
+    drop(reader.join().unwrap());
+    owner.stop().success();
+    server.stop().success();
+    bench.assert_ramped();
+}
+
 /// Recording of a client: it compensates, and says what it has lost.
 #[test]
 fn in_the_middle_of_a_client() {
