@@ -203,12 +203,17 @@ static void publish(void)
     sockets_publish(output.state.tick, has_wrench && *pins->wrench_valid && is_number ? wrench : NULL);
 }
 
+static void receive(void)
+{
+    sockets_receive(server, output.has_owner ? &output.owner : NULL);
+}
+
 static void tick(void)
 {
     gt_code code;
     uint64_t connection;
 
-    sockets_receive(server);
+    receive();
     input.elapsed_cycles = 1 + skipped;
     if ((skipped > 0 || output.state.tick == 0) && input.reading == GT_READING_FAILED) {
         /* The references have followed the path since the last tick: they stay where it was seen last. At the start that is where the drives are.
@@ -255,7 +260,7 @@ static void wait_for_answer(void)
     int64_t left;
 
     while ((left = until - rtapi_get_time()) > 0) {
-        sockets_receive(server);
+        receive();
         if (gt_server_owner_has_answered(server, &has_answered) != GT_CODE_OK || has_answered || !output.has_owner || is_stopped()) {
             return;
         }

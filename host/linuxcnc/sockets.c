@@ -23,7 +23,10 @@ enum {
     DATAGRAM_READS = 64,
     /* New connections accepted per visit. */
     ACCEPTS = 2,
-    SENSOR_READERS = 4
+    SENSOR_READERS = 4,
+    /* Records within which a reader that reads nothing is not told from one that does, and calls after which one with so few is idle. */
+    UNPROVEN = 65536 / SENSOR_RECORD,
+    IDLE = 10000
 };
 
 /* A peer that the server knows. A stream has a socket of its own, a sender of datagrams an address. */
@@ -33,14 +36,29 @@ struct peer {
     int is_gone;
     int socket;
     uint64_t connection;
+    /* Later ones have higher numbers. */
+    uint64_t number;
     struct sockaddr_in address;
+};
+
+/* A reader of the force sensor; CLOSED for a free place. */
+struct reader {
+    int socket;
+    in_addr_t address;
+    uint64_t number;
+    /* Records that were sent to it, and calls that it has seen. */
+    uint64_t records, calls;
 };
 
 static int uses_datagrams;
 static int listener = CLOSED;
 static int sensor_listener = CLOSED;
 static struct peer peers[GT_MAX_CONNECTIONS];
-static int sensor_readers[SENSOR_READERS] = {CLOSED, CLOSED, CLOSED, CLOSED};
+static struct reader sensor_readers[SENSOR_READERS] = {{.socket = CLOSED}, {.socket = CLOSED}, {.socket = CLOSED}, {.socket = CLOSED}};
+/* A reader for which there is no place yet. */
+static struct reader waiting = {.socket = CLOSED};
+/* Number of the last connection. */
+static uint64_t last_number;
 
 static void shut(int *socket)
 {
@@ -120,8 +138,9 @@ void sockets_shut(void)
         }
     }
     for (int i = 0; i < SENSOR_READERS; i++) {
-        shut(&sensor_readers[i]);
+        shut(&sensor_readers[i].socket);
     }
+    shut(&waiting.socket);
     shut(&listener);
     shut(&sensor_listener);
 }
@@ -144,6 +163,7 @@ static struct peer *enter(gt_server *server, uint32_t transport)
         if (!peer->is_open && gt_server_open(server, transport, &peer->connection) == GT_CODE_OK) {
             peer->is_open = 1;
             peer->is_gone = 0;
+            peer->number = ++last_number;
             return peer;
         }
     }
@@ -156,10 +176,38 @@ static int is_usable(int stream)
     return setsockopt(stream, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes) == 0;
 }
 
-static void accept_streams(gt_server *server)
+/* Best effort: the peer is about to be closed anyway. */
+static void refuse(int stream)
+{
+    gt_frame refusal;
+    if (gt_server_refusal(&refusal) == GT_CODE_OK) {
+        (void)send(stream, refusal.bytes, refusal.length, MSG_NOSIGNAL);
+    }
+}
+
+/* Refuses and closes the stream that has been open longest without the session: a client says Hello at once. Returns 0, or -1 without one. */
+static int close_longest_idle(gt_server *server, const uint64_t *owner)
+{
+    struct peer *longest = NULL;
+    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
+        struct peer *peer = &peers[i];
+        const int is_idle = peer->is_open && (owner == NULL || peer->connection != *owner);
+        if (is_idle && (longest == NULL || peer->number < longest->number)) {
+            longest = peer;
+        }
+    }
+    if (longest == NULL) {
+        return -1;
+    }
+    refuse(longest->socket);
+    gt_server_close(server, longest->connection);
+    forget(longest);
+    return 0;
+}
+
+static void accept_streams(gt_server *server, const uint64_t *owner)
 {
     for (int i = 0; i < ACCEPTS; i++) {
-        gt_frame refusal;
         struct peer *peer;
         int stream = accept4(listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
         if (stream == CLOSED) {
@@ -170,14 +218,14 @@ static void accept_streams(gt_server *server)
             continue;
         }
         peer = enter(server, GT_TRANSPORT_STREAM);
+        if (peer == NULL && close_longest_idle(server, owner) == 0) {
+            peer = enter(server, GT_TRANSPORT_STREAM);
+        }
         if (peer != NULL) {
             peer->socket = stream;
             continue;
         }
-        /* Best effort: the peer is about to be closed anyway. */
-        if (gt_server_refusal(&refusal) == GT_CODE_OK) {
-            (void)send(stream, refusal.bytes, refusal.length, MSG_NOSIGNAL);
-        }
+        refuse(stream);
         shut(&stream);
     }
 }
@@ -197,9 +245,9 @@ static void read_stream(gt_server *server, struct peer *peer)
     }
 }
 
-static void receive_streams(gt_server *server)
+static void receive_streams(gt_server *server, const uint64_t *owner)
 {
-    accept_streams(server);
+    accept_streams(server, owner);
     for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
         struct peer *peer = &peers[i];
         if (peer->is_open) {
@@ -262,12 +310,12 @@ static void receive_datagrams(gt_server *server)
     }
 }
 
-void sockets_receive(gt_server *server)
+void sockets_receive(gt_server *server, const uint64_t *owner)
 {
     if (uses_datagrams) {
         receive_datagrams(server);
     } else {
-        receive_streams(server);
+        receive_streams(server, owner);
     }
 }
 
@@ -301,15 +349,102 @@ void sockets_wait(uint64_t connection, long timeout_ns)
     (void)ppoll(&readable, 1, &timeout, NULL);
 }
 
+/* True if a reader has closed its end. What it has sent is dropped, a part at a time. */
+static int has_gone(const struct reader *reader)
+{
+    uint8_t bytes[CHUNK];
+    const ssize_t count = recv(reader->socket, bytes, sizeof bytes, 0);
+    return count == 0 || (count < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+}
+
+static int places_of(in_addr_t address)
+{
+    int places = 0;
+    for (int i = 0; i < SENSOR_READERS; i++) {
+        places += sensor_readers[i].address == address;
+    }
+    return places;
+}
+
+/* Returns the first reader that is idle; NULL without one. */
+static struct reader *first_idle(void)
+{
+    struct reader *first = NULL;
+    for (int i = 0; i < SENSOR_READERS; i++) {
+        struct reader *reader = &sensor_readers[i];
+        const int is_idle = reader->records < UNPROVEN && reader->calls >= IDLE;
+        if (is_idle && (first == NULL || reader->number < first->number)) {
+            first = reader;
+        }
+    }
+    return first;
+}
+
+/* Returns the youngest reader of the address with the most places, if that has two more than the newcomer's; otherwise NULL. */
+static struct reader *gives_way(in_addr_t newcomer)
+{
+    struct reader *youngest = &sensor_readers[0];
+    for (int i = 1; i < SENSOR_READERS; i++) {
+        struct reader *reader = &sensor_readers[i];
+        const int more = places_of(reader->address) - places_of(youngest->address);
+        if (more > 0 || (more == 0 && reader->number > youngest->number)) {
+            youngest = reader;
+        }
+    }
+    return places_of(youngest->address) > places_of(newcomer) + 1 ? youngest : NULL;
+}
+
+/* Returns the place of a newcomer, as host/src/readers.rs; NULL if it has to wait. */
+static struct reader *place_for(in_addr_t newcomer)
+{
+    struct reader *given;
+    for (int i = 0; i < SENSOR_READERS; i++) {
+        if (sensor_readers[i].socket == CLOSED || has_gone(&sensor_readers[i])) {
+            return &sensor_readers[i];
+        }
+    }
+    given = first_idle();
+    return given != NULL ? given : gives_way(newcomer);
+}
+
+/* Gives a reader its place. Returns 0 if it has to wait. */
+static int seat(struct reader *newcomer)
+{
+    struct reader *place = place_for(newcomer->address);
+    if (place == NULL) {
+        return 0;
+    }
+    shut(&place->socket);
+    *place = *newcomer;
+    newcomer->socket = CLOSED;
+    return 1;
+}
+
+/* Accepts a reader. One waits at a time; behind it others that have no claim to a place are closed. */
 static void accept_reader(void)
 {
-    for (int i = 0; i < SENSOR_READERS; i++) {
-        if (sensor_readers[i] == CLOSED) {
-            sensor_readers[i] = accept4(sensor_listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
-            if (sensor_readers[i] != CLOSED && !is_usable(sensor_readers[i])) {
-                shut(&sensor_readers[i]);
-            }
-            return;
+    struct sockaddr_in from = {.sin_family = AF_INET};
+    socklen_t size = sizeof from;
+    struct reader newcomer = {.socket = CLOSED};
+    if (waiting.socket != CLOSED && has_gone(&waiting)) {
+        shut(&waiting.socket);
+    }
+    if (waiting.socket != CLOSED && seat(&waiting)) {
+        return;
+    }
+    newcomer.socket = accept4(sensor_listener, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (newcomer.socket == CLOSED) {
+        return;
+    }
+    newcomer.address = from.sin_addr.s_addr;
+    newcomer.number = ++last_number;
+    if (!is_usable(newcomer.socket)) {
+        shut(&newcomer.socket);
+    } else if (!seat(&newcomer)) {
+        if (waiting.socket == CLOSED) {
+            waiting = newcomer;
+        } else {
+            shut(&newcomer.socket);
         }
     }
 }
@@ -328,6 +463,9 @@ void sockets_publish(uint64_t tick, const double wrench[6])
     uint8_t record[SENSOR_RECORD];
     uint8_t *end = put(record, tick);
     accept_reader();
+    for (int i = 0; i < SENSOR_READERS; i++) {
+        sensor_readers[i].calls++;
+    }
     if (wrench == NULL) {
         return;
     }
@@ -337,9 +475,10 @@ void sockets_publish(uint64_t tick, const double wrench[6])
         end = put(end, bits);
     }
     for (int i = 0; i < SENSOR_READERS; i++) {
-        int *reader = &sensor_readers[i];
-        if (*reader != CLOSED && send(*reader, record, sizeof record, MSG_NOSIGNAL) != (ssize_t)sizeof record) {
-            shut(reader);
+        struct reader *reader = &sensor_readers[i];
+        reader->records++;
+        if (reader->socket != CLOSED && send(reader->socket, record, sizeof record, MSG_NOSIGNAL) != (ssize_t)sizeof record) {
+            shut(&reader->socket);
         }
     }
 }

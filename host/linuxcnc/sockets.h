@@ -23,8 +23,9 @@ int sockets_open(const char *address, int port, int sensor_port, int udp, char *
 /* Closes every socket. */
 void sockets_shut(void);
 
-/* Accepts new peers and feeds what has arrived to the server. */
-void sockets_receive(gt_server *server);
+/* Accepts new peers and feeds what has arrived to the server. When all places are taken, the connection that has been open longest makes room
+ * that is not the `owner` of the session; NULL without one. */
+void sockets_receive(gt_server *server, const uint64_t *owner);
 
 /* Writes a whole frame, or takes note that its connection is lost. Does not wait. */
 void sockets_send(const gt_frame *frame);
@@ -36,7 +37,7 @@ void sockets_close(uint64_t connection);
 void sockets_wait(uint64_t connection, long timeout_ns);
 
 /* Accepts at most one new reader of the force sensor and sends the record to each, or nothing if `wrench` is NULL. A reader that does not
- * keep up is dropped. */
+ * keep up is dropped. docs/security.md says who makes room when all places are taken. */
 void sockets_publish(uint64_t tick, const double wrench[6]);
 
 #endif

@@ -8,13 +8,15 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs::{File, Permissions};
-use std::net::{TcpListener, UdpSocket};
+use std::io::Read;
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use gantry_tau::state::{Place, State};
 use libtest_mimic::Failed;
+use socket2::{Domain, Socket, Type};
 
 use super::record::{FAULT, LISTENING, OBTAIN, SAFE_DISCONNECT};
 use hal::{Hal, free_ports, modules, program};
@@ -26,6 +28,7 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("server_ends_sessions_of_a_killed_client_and_by_a_stop", || done(|| two_ends(&[]))),
     ("server_ends_sessions_over_datagrams", || done(|| two_ends(&["udp=1"]))),
     ("server_takes_a_burst_as_one_tick", || done(a_burst_is_one_tick)),
+    ("server_has_places_for_newcomers_beside_idle_strangers", || done(places_are_shared)),
     ("server_refuses_bad_parameters_in_one_line", || done(bad_parameters)),
     ("server_refuses_a_port_in_use_in_one_line", || done(port_in_use)),
 ];
@@ -264,6 +267,39 @@ fn a_burst_is_one_tick() {
     for at in (1..rows.len()).filter(|at| !held.contains(at)) {
         assert_eq!(usize::try_from(rows[at].tick - rows[0].tick).unwrap(), at, "{:?}", rows[at]);
     }
+}
+
+/// Strangers who take all places of both ports, and say and read nothing, keep nobody out.
+fn places_are_shared() {
+    let mut bench = Bench::start("places", &["lockstep=1"]);
+    let [port, sensor_port] = bench.ports;
+    let _on_port: Vec<TcpStream> = (0..8).map(|_| connect_from(2, port)).collect();
+    let strangers: Vec<TcpStream> = (0..5).map(|_| connect_from(2, sensor_port)).collect();
+    bench.pass(20);
+    for host in [3, 4] {
+        let mut reader = connect_from(host, sensor_port);
+        reader.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut record = [0; 56];
+        let before = bench.tick();
+        reader.read_exact(&mut record).unwrap();
+        // Idle strangers would be dropped after 10 000 ticks.
+        let tick = u32::from_le_bytes(record[..4].try_into().unwrap());
+        assert!(f64::from(tick) < before + 5_000.0, "{tick} {before}");
+    }
+    drop(bench.compensate());
+    bench.wait_for("gantry-tau.phase", LISTENING);
+    // One reader of an address keeps its place: the oldest is still sent records.
+    let mut first = &strangers[0];
+    first.read_exact(&mut [0; 56]).unwrap();
+    drop(bench.end());
+}
+
+/// A connection from 127.0.0.`host`.
+fn connect_from(host: u8, port: u16) -> TcpStream {
+    let stream = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+    stream.bind(&SocketAddr::from(([127, 0, 0, host], 0)).into()).unwrap();
+    stream.connect(&SocketAddr::from(([127, 0, 0, 1], port)).into()).unwrap();
+    stream.into()
 }
 
 /// A component that does not load says why in one line, and HAL goes on without it.
