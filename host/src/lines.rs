@@ -19,20 +19,28 @@ pub(crate) fn read_text(path: &Path, longest: u64) -> Result<String, String> {
 pub(crate) enum Line {
     /// It was read.
     Complete,
-    /// It was skipped to its end.
+    /// It has no end within the bound.
     TooLong,
     /// The input has ended.
     End,
 }
 
-/// Reads up to the next newline, without it; keeps at most `longest` bytes.
+/// Reads up to the next newline, without it; keeps at most `longest` bytes, and skips the rest of a line that is longer.
 pub(crate) fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>, longest: usize) -> io::Result<Line> {
+    let read = read_beginning(input, line, longest)?;
+    if matches!(read, Line::TooLong) {
+        input.skip_until(b'\n')?;
+    }
+    Ok(read)
+}
+
+/// The same without the skip: for an input that is not read on after a line that is too long.
+pub(crate) fn read_beginning(input: &mut impl BufRead, line: &mut Vec<u8>, longest: usize) -> io::Result<Line> {
     line.clear();
     input.by_ref().take(longest as u64 + 1).read_until(b'\n', line)?;
     if line.last() == Some(&b'\n') {
         line.pop();
     } else if line.len() > longest {
-        input.skip_until(b'\n')?;
         return Ok(Line::TooLong);
     } else if line.is_empty() {
         return Ok(Line::End);

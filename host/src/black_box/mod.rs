@@ -104,11 +104,15 @@ impl<const N: usize> Window<N> {
         }
     }
 
-    /// Returns the name of a file of this window: epoch, tick and cause.
+    /// Returns the name of a file of this window: epoch, tick and cause; of the stops, `Quit` is one that latches nothing.
     #[must_use]
     pub fn file_name(&self) -> String {
         let end = self.end();
-        let cause = end.cause.map_or("NoEnd", Cause::name);
+        let is_latched = self.entries.get(end.index).is_some_and(|entry| entry.output.latched);
+        let cause = match end.cause {
+            Some(Cause::Stop) if !is_latched => "Quit",
+            cause => cause.map_or("NoEnd", Cause::name),
+        };
         format!("epoch-{}-tick-{}-{cause}.jsonl", end.epoch.0, end.tick.0)
     }
 }

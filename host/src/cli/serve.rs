@@ -286,6 +286,8 @@ impl Serve {
             }
             Err(error) => return Err(error.into()),
         };
+        // Before the lock: a second start finds nothing half free.
+        drop(publications);
         flusher.finish();
         let dropped = controls.dropped_rows.load(Ordering::Relaxed);
         let boxes = black_boxes.and_then(|boxes| boxes.finish().err()).map(|failure| failure.to_string());

@@ -15,7 +15,7 @@ use crate::robot_file::RobotFile;
 use crate::server::tick_source::TickSource;
 use crate::sim::load_generator::AppliedLoad;
 use crate::sim::parameters::Motion;
-use crate::terminal::{Progress, say};
+use crate::terminal::{Progress, complain, say};
 use scenario::Recording;
 
 pub use corrections::Corrections;
@@ -159,20 +159,46 @@ where
     };
     let results = Results::of(options, pace, &recording);
     say(format_args!("\n{}", table::render(&results)));
-    options.report.write(&report::render(options, &results, &recording))?;
+    // One that cannot be written costs no other.
+    let written = [
+        write_report(options, &results, &recording),
+        write_json(options, &results),
+        write_black_box(options, &recording),
+    ];
+    let mut failures = written.into_iter().filter_map(Result::err);
+    match failures.next() {
+        None => Ok(results),
+        Some(first) => {
+            failures.for_each(complain);
+            Err(first)
+        }
+    }
+}
+
+fn write_report<K: MachineKind<N>, const N: usize>(
+    options: &DemoOptions<K, N>,
+    results: &Results,
+    recording: &Recording<N>,
+) -> Result<(), DemoError> {
+    options.report.write(&report::render(options, results, recording))?;
     say(format_args!("report: {}", options.report.path().display()));
-    if let Some(output) = &options.json {
-        let json = serde_json::to_string_pretty(&results).map_err(|error| DemoError::Failed(error.to_string()))?;
-        output.write(&json)?;
-    }
-    if let Some(output) = &options.black_box {
-        let lost = || DemoError::Failed("the black box of the pulled cable was not received".to_owned());
-        let window = recording.black_box.as_ref().ok_or_else(lost)?;
-        let path = output.write(&window.encode())?;
-        let path = path.display();
-        say(format_args!("black box of the pulled cable: {path}; gantry-tau replay {path} runs it again"));
-    }
-    Ok(results)
+    Ok(())
+}
+
+fn write_json<K, const N: usize>(options: &DemoOptions<K, N>, results: &Results) -> Result<(), DemoError> {
+    let Some(output) = &options.json else { return Ok(()) };
+    let json = serde_json::to_string_pretty(results).map_err(|error| DemoError::Failed(error.to_string()))?;
+    output.write(&json)?;
+    Ok(())
+}
+
+fn write_black_box<K, const N: usize>(options: &DemoOptions<K, N>, recording: &Recording<N>) -> Result<(), DemoError> {
+    let Some(output) = &options.black_box else { return Ok(()) };
+    let lost = || DemoError::Failed("the black box of the pulled cable was not received".to_owned());
+    let path = output.write(&recording.black_box.as_ref().ok_or_else(lost)?.encode())?;
+    let path = path.display();
+    say(format_args!("black box of the pulled cable: {path}; gantry-tau replay {path} runs it again"));
+    Ok(())
 }
 
 fn play<K, P, E, const N: usize, const M: usize>(

@@ -7,6 +7,10 @@ use serde_json::Value;
 
 use super::from_json::{self, Bytes};
 use super::{StreamRegistry, to_json};
+use crate::lines::{Line, read_beginning};
+
+/// Longest line, bytes: a device has no end.
+const LONGEST_LINE: usize = 1 << 24;
 
 /// Bytes around a name and a type, or around a value: at most five numbers.
 const OVERHEAD: usize = 32;
@@ -33,20 +37,24 @@ pub enum EncodeError {
 ///
 /// # Errors
 /// Error of input or output, or the first line that cannot be encoded; what stands before it is written.
-pub fn encode(version: Version, input: impl BufRead, mut output: impl Write) -> Result<(), EncodeError> {
+pub fn encode(version: Version, mut input: impl BufRead, mut output: impl Write) -> Result<(), EncodeError> {
     let mut lines = Lines { version, registry: Box::new(Registry::new(version)), next_index: version.first_index() };
     let mut start = [0; OVERHEAD];
     let mut encoder = Encoder::new(version, &mut start);
     encoder.version().map_err(|error| EncodeError::Line { line: 0, reason: error.to_string() })?;
     output.write_all(encoder.bytes())?;
-    for (number, line) in input.lines().enumerate() {
-        let line = line?;
-        if line.trim().is_empty() {
-            continue;
+    let mut bytes = Vec::new();
+    for line in 1.. {
+        let refused = |reason| EncodeError::Line { line, reason };
+        match read_beginning(&mut input, &mut bytes, LONGEST_LINE)? {
+            Line::End => break,
+            Line::TooLong => return Err(refused(format!("is longer than {LONGEST_LINE} bytes"))),
+            Line::Complete => {}
         }
-        let packet = lines.packet(&line);
-        let packet = packet.map_err(|reason| EncodeError::Line { line: number.saturating_add(1), reason })?;
-        output.write_all(&packet)?;
+        let text = std::str::from_utf8(&bytes).map_err(|_| refused("is not UTF-8".to_owned()))?;
+        if !text.trim().is_empty() {
+            output.write_all(&lines.packet(text).map_err(refused)?)?;
+        }
     }
     output.flush()?;
     Ok(())

@@ -44,6 +44,18 @@ fn the_demo_of_six_axes_compensates_turning_as_well() {
     assert!(replayed.contains("agree bit for bit"), "{replayed}");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn an_output_of_a_demo_that_cannot_be_written_costs_no_other() {
+    let folder = Folder::new("demo_full");
+    let mut arguments = vec!["demo", "--pace", "lockstep", "--step-seconds", "0.2", "--force-max", "120"];
+    arguments.extend(["--report", "/dev/full", "--json", "demo.json", "--black-box", "box.jsonl"]);
+    let said = folder.run(&arguments).failure(1);
+    assert!(said.contains("/dev/full: No space left"), "{said}");
+    assert_numbers(&serde_json::from_str(&folder.read("demo.json")).unwrap());
+    assert!(folder.run(&["replay", "box.jsonl"]).success().contains("agree bit for bit"));
+}
+
 fn assert_numbers(results: &Value) {
     assert_eq!(results["pace"], "lockstep");
     let steps = results["steps"].as_array().unwrap();

@@ -227,6 +227,13 @@ fn a_value_with_too_long_a_text_ends_the_stream_with_an_error() {
     assert!(message.starts_with("the text of a value is longer than 134217728 bytes"), "{message}");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_line_without_an_end_is_refused() {
+    let line = Folder::new("endless").run(&["labcomm", "encode", "/dev/zero"]).failure(1);
+    assert!(line.contains("/dev/zero: line 1: is longer than 16777216 bytes"), "{line}");
+}
+
 #[test]
 fn errors_name_the_file() {
     let folder = Folder::new("labcomm-errors");

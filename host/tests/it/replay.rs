@@ -139,7 +139,7 @@ fn serve_leaves_a_black_box_of_every_end() {
     names.sort();
     assert_eq!(names.len(), 2, "{names:?}");
     assert!(names[0].starts_with("epoch-1-tick-"), "{names:?}");
-    assert!(names[1].starts_with("epoch-2-tick-") && names[1].ends_with("-Stop.jsonl"), "{names:?}");
+    assert!(names[1].starts_with("epoch-2-tick-") && names[1].ends_with("-Quit.jsonl"), "{names:?}");
     for name in names {
         let said = folder.run(&["replay", &format!("new/boxes/{name}")]).success();
         assert!(said.contains("ticks agree bit for bit"), "{said}");

@@ -250,6 +250,9 @@ impl EventLog {
     /// Describes the end of a session, or of what goes on without one.
     fn end<const N: usize>(&self, row: &Row<N>, cause: Cause) -> String {
         let (epoch, counts, left) = (row.state.epoch.0, row.state.counters, row.state.ramp_ticks_left);
+        // A quit is the stop that latches nothing.
+        let is_quit = cause == Cause::Stop && !row.latched;
+        let cause = if is_quit { "the server was told to end".to_owned() } else { cause.to_string() };
         if !self.has_session() {
             return format!("{cause}; {left} ticks of ramp left");
         }

@@ -88,6 +88,20 @@ fn a_latch_that_cannot_be_written_is_told_once_each_time() {
 }
 
 #[test]
+fn a_quit_is_told_apart_from_a_stop() {
+    for (latched, words) in
+        [(true, "INFO 2: session ended (epoch 0): stopped;"), (false, "the server was told to end;")]
+    {
+        let mut server = Server::new();
+        server.phase(Phase::Obtain);
+        server.said();
+        server.tick(|row| (row.ended, row.latched) = (Some(Cause::Stop), latched));
+        let said = server.said();
+        assert!(said[0].contains(words), "{said:?}");
+    }
+}
+
+#[test]
 fn an_end_that_nobody_asked_for_is_a_warning() {
     for (cause, level) in [
         (Cause::Goodbye, "INFO"),
@@ -101,7 +115,7 @@ fn an_end_that_nobody_asked_for_is_a_warning() {
             server.phase(phase);
         }
         server.said();
-        let events = server.tick(|row| row.ended = Some(cause));
+        let events = server.tick(|row| (row.ended, row.latched) = (Some(cause), true));
         assert_eq!((events.len(), events[0].kind, events[0].code), (1, EventKind::Ended, cause.code()));
         let said = server.said();
         assert!(said[0].starts_with(&format!("{level} 4: session ended (epoch 0): {cause}; ")), "{said:?}");
