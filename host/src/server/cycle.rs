@@ -310,7 +310,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             Some(sender) => self.endpoint.tick_recorded(&input, sender.black_box()),
             None => self.endpoint.tick(&input),
         };
-        // Before anything acts, so that no crash can undo a stop; a disk that hangs is waited for as long as drives do without references.
+        // Before anything acts, so that no crash can undo a stop; a disk that hangs is waited for a moment only.
         self.latch.set(self.is_latched());
         let parts = self.endpoint.session().demanded();
         let written = match &mut self.velocity {
