@@ -57,6 +57,7 @@ static int take_lock(const char *path)
     static char name[PATH_MAX]; /* not on the stack */
     struct stat found;
     char owner[32];
+    ssize_t length;
     if (lstat(path, &found) == 0 && !S_ISREG(found.st_mode)) {
         errno = EINVAL;
         return -1;
@@ -75,10 +76,11 @@ static int take_lock(const char *path)
         errno = reason;
         return -1;
     }
-    if (read_text(lock, owner, sizeof owner) < 0) {
+    length = read_text(lock, owner, sizeof owner);
+    if (length < 0) {
         return -1;
     }
-    if (owner[0] != 0 && strncmp(owner, "pid ", 4) != 0) {
+    if (length > 0 && strncmp(owner, "pid ", 4) != 0) {
         errno = EEXIST; /* another file has the lock's name */
         return -1;
     }
@@ -135,7 +137,7 @@ static int remove_second(const char *second)
     if (count < 0) {
         return -1;
     }
-    if ((size_t)count == sizeof text - 1 || text[strspn(text, "0123456789\n")] != 0) {
+    if ((size_t)count == sizeof text - 1 || strspn(text, "0123456789\n") != (size_t)count) {
         errno = EEXIST;
         return -1;
     }
@@ -173,7 +175,9 @@ int epochs_reserve(const char *path, uint64_t *first, uint64_t *last, char *erro
     uint64_t used;
     int outcome;
     if (take_lock(path) != 0) {
-        const char *reason = errno == EWOULDBLOCK ? "in use by another server" : strerror(errno);
+        const char *reason = errno == EWOULDBLOCK ? "in use by another server"
+                             : errno == EEXIST    ? "a file of this name with .lock behind it is another program's; move it away"
+                                                  : strerror(errno);
         snprintf(error, size, "epoch_file=%s: %s", path, reason);
         epochs_release();
         return -1;
@@ -184,7 +188,8 @@ int epochs_reserve(const char *path, uint64_t *first, uint64_t *last, char *erro
     } else if (outcome == 0 && used > UINT64_MAX - RESERVE) {
         snprintf(error, size, "epoch_file=%s: the counter is used up", path);
     } else if (outcome < 0 || persist(path, used + RESERVE) != 0) {
-        snprintf(error, size, "epoch_file=%s: %s", path, strerror(errno));
+        const char *reason = errno == EEXIST ? "a file of this name with .new behind it is another program's; move it away" : strerror(errno);
+        snprintf(error, size, "epoch_file=%s: %s", path, reason);
     } else {
         *first = used + 1;
         *last = used + RESERVE;

@@ -25,6 +25,8 @@ enum {
     ACCEPTS = 2,
     SENSOR_READERS = 4,
     /* Records within which a reader that reads nothing is not told from one that does, and calls after which one with so few is idle. */
+    /* Bytes that the system keeps for a reader, as host/src/readers.rs. */
+    SEND_BUFFER = 128 * 1024,
     UNPROVEN = 65536 / SENSOR_RECORD,
     IDLE = 10000
 };
@@ -423,6 +425,7 @@ static int seat(struct reader *newcomer)
 /* Accepts a reader. One waits at a time; behind it others that have no claim to a place are closed. */
 static void accept_reader(void)
 {
+    const int send_buffer = SEND_BUFFER;
     struct sockaddr_in from = {.sin_family = AF_INET};
     socklen_t size = sizeof from;
     struct reader newcomer = {.socket = CLOSED};
@@ -438,7 +441,7 @@ static void accept_reader(void)
     }
     newcomer.address = from.sin_addr.s_addr;
     newcomer.number = ++last_number;
-    if (!is_usable(newcomer.socket)) {
+    if (!is_usable(newcomer.socket) || setsockopt(newcomer.socket, SOL_SOCKET, SO_SNDBUF, &send_buffer, sizeof send_buffer) != 0) {
         shut(&newcomer.socket);
     } else if (!seat(&newcomer)) {
         if (waiting.socket == CLOSED) {

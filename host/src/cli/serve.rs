@@ -241,7 +241,7 @@ impl Serve {
         if let Err(denied) = gantry_tau::realtime::lock_memory() {
             tracing::warn!("no {}: {}", denied.privilege, denied.reason);
         }
-        let mut flusher = LatchFlusher::of(cycle.latch())?;
+        let mut flusher = LatchFlusher::of(cycle.latch()).map_err(|error| ServerError::Thread(error.to_string()))?;
         let controls = Arc::new(Controls::default());
         let quit = Arc::clone(&controls);
         signals::on_quit(move || quit.quit.store(true, Ordering::Relaxed));
@@ -267,7 +267,7 @@ impl Serve {
                     port.flush();
                 }
             }
-            flusher.see(row.latched);
+            flusher.see(row.latched, row.latch_lost);
             if let Some(file) = &mut file {
                 file.push(*row, happened);
             }
@@ -278,11 +278,10 @@ impl Serve {
                 say("all offsets are zero; ended");
                 ExitCode::SUCCESS
             }
-            Err(error @ ServerError::StillInForce { .. }) => fail(3, error),
-            Err(error @ ServerError::StopNotStored) => {
-                // The writer may still come to it: until the process is gone the latch is this one's.
+            Err(error @ (ServerError::StillInForce { .. } | ServerError::StopNotStored)) => {
+                // The latch's writer may still come to it: until the process is gone the latch is this one's.
                 std::mem::forget(lock);
-                fail(4, error)
+                fail(if error == ServerError::StopNotStored { 4 } else { 3 }, error)
             }
             Err(error) => return Err(error.into()),
         };

@@ -11,7 +11,8 @@ use super::{Kind, WriteError, shown, stream};
 /// Largest number behind the name of a recording.
 const MAX_NUMBER: u32 = 99_999;
 
-/// A file that is made with its first bytes: a run that has none leaves none, and costs no other file.
+/// A file that is made with its first bytes: a run that has none leaves none, and costs no other file. A pipe or device that takes nothing for
+/// five seconds fails, unless it [waits](Self::that_waits).
 #[derive(Debug)]
 pub struct GrowingFile {
     path: PathBuf,
@@ -44,7 +45,7 @@ impl GrowingFile {
         Self::at(path, place, State::Fresh { companion })
     }
 
-    /// File in the place of one that has no rows, or of none. A pipe or device fails when it takes nothing for five seconds.
+    /// File in the place of one that has no rows, or of none.
     ///
     /// # Errors
     /// [`WriteError`]: no file can be made there.
@@ -61,16 +62,22 @@ impl GrowingFile {
         Ok(Self { path: path.to_owned(), state: State::Open(file) })
     }
 
+    /// Lets writes to a pipe or device wait as long as nothing is taken: for a thread of its own.
+    ///
+    /// # Errors
+    /// Error of the system.
+    pub(crate) fn that_waits(self) -> io::Result<Self> {
+        if let State::Open(file) = &self.state {
+            stream::let_wait(file)?;
+        }
+        Ok(self)
+    }
+
     fn at(path: &Path, place: Place, state: State) -> Result<Self, WriteError> {
         let path = path.to_owned();
         match place {
             Place::Stream(target) => {
-                let opened = match &state {
-                    // Its writer has a thread of its own.
-                    State::Fresh { .. } => stream::open(&target),
-                    _ => stream::open_without_waiting(&target),
-                };
-                let file = opened.map_err(|error| WriteError::system(&path, &error))?;
+                let file = stream::open(&target).map_err(|error| WriteError::system(&path, &error))?;
                 Ok(Self { path, state: State::Open(file) })
             }
             Place::Free(target) | Place::File(target) => {
@@ -138,15 +145,8 @@ impl Write for GrowingFile {
         let file = self.open()?;
         let mut written = 0;
         while let Some(rest) = bytes.get(written..).filter(|rest| !rest.is_empty()) {
-            match file.write(rest) {
-                Ok(0) => return Err(take_back(file, written, io::ErrorKind::WriteZero.into())),
+            match stream::write(file, rest) {
                 Ok(count) => written = written.saturating_add(count),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-                    if let Err(blocked) = stream::await_room(file) {
-                        return Err(take_back(file, written, blocked));
-                    }
-                }
                 Err(error) => return Err(take_back(file, written, error)),
             }
         }

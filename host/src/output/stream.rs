@@ -2,22 +2,32 @@
 #![allow(clippy::disallowed_methods, reason = "outputs are opened in this module only")]
 
 use std::fs::{File, OpenOptions};
-use std::io;
+use std::io::{self, Write};
 use std::path::Path;
 
-/// Opens a pipe or a device. A pipe without a reader is waited for, at most five seconds.
+/// Opens a pipe or a device. A pipe without a reader is waited for, at most five seconds; a [`write`] then waits for a reader as long.
 pub(super) fn open(path: &Path) -> io::Result<File> {
     system::open(path)
 }
 
-/// The same; a write then waits for the reader by [`await_room`] alone.
-pub(super) fn open_without_waiting(path: &Path) -> io::Result<File> {
-    system::open_without_waiting(path)
+/// From here on a write waits for as long as the reader takes nothing.
+pub(super) fn let_wait(file: &File) -> io::Result<()> {
+    system::let_wait(file)
 }
 
-/// Waits until a reader has taken something, at most five seconds.
-pub(super) fn await_room(file: &File) -> io::Result<()> {
-    system::await_room(file)
+/// Writes some of the bytes.
+///
+/// # Errors
+/// The system's; or a pipe or device takes nothing for five seconds.
+pub(super) fn write(file: &mut File, bytes: &[u8]) -> io::Result<usize> {
+    loop {
+        match file.write(bytes) {
+            Ok(0) if !bytes.is_empty() => return Err(io::ErrorKind::WriteZero.into()),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => system::await_room(file)?,
+            written => return written,
+        }
+    }
 }
 
 #[cfg(unix)]
@@ -37,13 +47,11 @@ mod system {
     /// Pause between two looks.
     const REST: Duration = Duration::from_millis(5);
 
-    pub(super) fn open(path: &Path) -> io::Result<File> {
-        let file = open_without_waiting(path)?;
-        fcntl_setfl(&file, fcntl_getfl(&file)?.difference(OFlags::NONBLOCK))?;
-        Ok(file)
+    pub(super) fn let_wait(file: &File) -> io::Result<()> {
+        Ok(fcntl_setfl(file, fcntl_getfl(file)?.difference(OFlags::NONBLOCK))?)
     }
 
-    pub(super) fn open_without_waiting(path: &Path) -> io::Result<File> {
+    pub(super) fn open(path: &Path) -> io::Result<File> {
         let mut options = OpenOptions::new();
         options.write(true).custom_flags(OFlags::NONBLOCK.bits() as i32);
         let is_pipe = path.metadata()?.file_type().is_fifo();
@@ -73,13 +81,13 @@ mod system {
 mod system {
     use super::{File, OpenOptions, Path, io};
 
+    /// Its writes may wait: pipes have no other way here.
     pub(super) fn open(path: &Path) -> io::Result<File> {
         OpenOptions::new().write(true).open(path)
     }
 
-    /// Waits in each write: pipes have no other way here.
-    pub(super) fn open_without_waiting(path: &Path) -> io::Result<File> {
-        open(path)
+    pub(super) fn let_wait(_: &File) -> io::Result<()> {
+        Ok(())
     }
 
     pub(super) fn await_room(_: &File) -> io::Result<()> {

@@ -11,8 +11,8 @@ mod seen;
 mod tally;
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -33,6 +33,8 @@ use crate::server::event_log::Event;
 const REST: Duration = Duration::from_millis(5);
 /// Rows that may wait for a slow disk, about eight seconds.
 const QUEUE: usize = 8_192;
+/// Time that a producer that may wait does so in all.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Producer side of a recording: pushing never blocks and never allocates.
 #[derive(Debug)]
@@ -44,6 +46,8 @@ pub struct Recorder<T, const N: usize> {
     dropped: u64,
     /// The next row begins another file.
     begins_next: bool,
+    /// What is left of [`PATIENCE`].
+    patience: Duration,
     shared: Arc<Shared>,
 }
 
@@ -59,7 +63,9 @@ enum Item<T> {
 #[derive(Debug, Default)]
 struct Shared {
     has_failed: AtomicBool,
-    /// Rows that were taken from the queue.
+    /// Path of the file, once it has its name.
+    path: Mutex<Option<PathBuf>>,
+    /// Rows of the file that were taken from the queue.
     taken: AtomicU64,
     /// Rows that were lost before the queue, once it is at its end.
     dropped: AtomicU64,
@@ -80,21 +86,27 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
             let _ = crate::privileges::give_up(&[recording.path().to_owned()]);
             drain(&mut rows, |item, _| {
                 match item {
-                    Item::Row(row, events) => recording.write(row, events),
+                    Item::Row(row, events) => {
+                        recording.write(row, events);
+                        if told.taken.fetch_add(1, Ordering::Relaxed) == 0 {
+                            *told.path.lock().unwrap_or_else(PoisonError::into_inner) =
+                                Some(recording.path().to_owned());
+                        }
+                    }
                     Item::NextFile => {
+                        told.taken.store(0, Ordering::Relaxed);
                         if let Some(recorded) = recording.begin_next() {
                             tracing::info!("{recorded}; the next connection begins another file");
                         }
                     }
                 }
-                told.taken.fetch_add(1, Ordering::Relaxed);
                 told.has_failed.fetch_or(recording.has_failed(), Ordering::Relaxed);
             });
             recording.finish(told.dropped.load(Ordering::Acquire))
         };
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(write);
         let thread = thread.map_err(|error| RecordError { path: path.clone(), reason: error.to_string() })?;
-        Ok(Self { path, queue, thread, dropped: 0, begins_next: false, shared })
+        Ok(Self { path, queue, thread, dropped: 0, begins_next: false, patience: PATIENCE, shared })
     }
 
     /// True once rows are lost: the file has failed, or does not take them in time.
@@ -115,11 +127,11 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         }
     }
 
-    /// The same, for a thread that may wait: until rows are lost it waits for room, at most five seconds in which none is written.
+    /// The same, for a thread that may wait for room: five seconds in all.
     pub fn push_patiently(&mut self, row: T, events: Vec<Event>) {
-        if self.dropped == 0 {
-            let taken = || self.shared.taken.load(Ordering::Relaxed);
-            let _has_room = last_wait::until(|| self.queue.slots() > 1 || self.thread.is_finished(), taken);
+        while self.queue.slots() < 2 && !self.patience.is_zero() {
+            self.patience = self.patience.saturating_sub(REST);
+            std::thread::sleep(REST);
         }
         self.push(row, events);
     }
@@ -140,7 +152,10 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         let taken = || shared.taken.load(Ordering::Relaxed);
         match last_wait::join(thread, taken) {
             Some(ended) => ended.ok(),
-            None => Some(Recorded::blocked(&path, taken(), lost)),
+            None => {
+                let named = shared.path.lock().unwrap_or_else(PoisonError::into_inner).take();
+                Some(Recorded::blocked(&named.unwrap_or(path), taken(), lost))
+            }
         }
     }
 }

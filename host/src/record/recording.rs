@@ -125,12 +125,13 @@ impl<const N: usize> Recording<N> {
     ) -> Result<Self, RecordError> {
         let failed = |reason: String| RecordError { path: to.path.clone(), reason };
         let file = GrowingFile::fresh(&to.path, None).map_err(|error| failed(error.to_string()))?;
+        let file = file.that_waits().map_err(|error| failed(error.to_string()))?;
         let mut stream = file.is_open().then_some(file);
         let (of, robot) = (to.clone(), robot.clone());
         let open: Open = Box::new(move || {
             let mut file = match stream.take() {
                 Some(stream) => stream,
-                None => GrowingFile::fresh(&of.path, Some(ENDING)).map_err(io::Error::other)?,
+                None => GrowingFile::fresh(&of.path, Some(ENDING)).map_err(io::Error::other)?.that_waits()?,
             };
             file.open()?;
             let path = file.path().to_owned();

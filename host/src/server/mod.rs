@@ -175,11 +175,12 @@ pub struct Server<const N: usize> {
 }
 
 impl<const N: usize> Server<N> {
-    /// Runs `cycle` in a thread of its own, which has its priority, and no privileges, when this returns. Also returns the rows, one per tick,
-    /// for one observer.
+    /// Runs `cycle` in a thread of its own, which has its priority, no privileges and its drives enabled when this returns. Also returns the
+    /// rows, one per tick, for one observer.
     ///
     /// # Errors
-    /// [`ServerError::Thread`]: the system does not tell the address, or does not start the thread.
+    /// [`ServerError::Thread`]: the system does not tell the address, or does not start a thread. [`ServerError::Plant`]: the drives cannot be
+    /// enabled.
     pub fn spawn<const M: usize, P: Plant<N, M> + 'static>(
         cycle: Cycle<N, M, P>,
         ticks: TickSource,
@@ -192,7 +193,7 @@ impl<const N: usize> Server<N> {
     /// # Errors
     /// As [`Server::spawn`].
     pub fn spawn_controlled<const M: usize, P: Plant<N, M> + 'static>(
-        cycle: Cycle<N, M, P>,
+        mut cycle: Cycle<N, M, P>,
         ticks: TickSource,
         controls: Arc<Controls>,
     ) -> Result<(Self, rtrb::Consumer<Row<N>>), ServerError> {
@@ -200,17 +201,19 @@ impl<const N: usize> Server<N> {
         let address = cycle.address().map_err(thread_error)?;
         let (rows, observer) = rtrb::RingBuffer::new(ROWS);
         let switches = Arc::clone(&controls);
-        let (setting_up, until_set_up) = mpsc::channel::<()>();
+        let (starting, until_started) = mpsc::channel();
         let thread = std::thread::Builder::new()
             .name("cycle".to_owned())
             .spawn(move || {
                 tick_source::set_up_thread(ticks);
-                drop(setting_up);
-                tick_source::run(cycle, ticks, &switches, rows)
+                let started = cycle.start();
+                let has_started = started.is_ok();
+                // Somebody waits for it below.
+                let _sent = starting.send(started);
+                if has_started { tick_source::run(cycle, ticks, &switches, rows) } else { Ok(()) }
             })
             .map_err(thread_error)?;
-        // An error, when the other end is dropped.
-        let _set_up = until_set_up.recv();
+        until_started.recv().map_err(|_| ServerError::Panicked)??;
         let server = Self { address, controls, thread };
         Ok((server, observer))
     }

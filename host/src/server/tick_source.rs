@@ -46,7 +46,7 @@ pub(super) fn set_up_thread(ticks: TickSource) {
 /// Runs cycles until quit is requested and the drives have taken references without offsets.
 ///
 /// # Errors
-/// [`ServerError::Plant`]: the drives cannot be enabled. [`ServerError::StillInForce`]: quit is requested, and the machine has taken
+/// [`ServerError::StillInForce`]: quit is requested, and the machine has taken
 /// nothing for two seconds. [`ServerError::StopNotStored`]: nor has the disk taken the latch, with zero in force.
 pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     mut cycle: Cycle<N, M, P>,
@@ -54,7 +54,6 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     controls: &Controls,
     mut rows: rtrb::Producer<Row<N>>,
 ) -> Result<(), ServerError> {
-    cycle.start()?;
     let mut timer = CycleTimer::starting_now(PERIOD_NS);
     let mut state_left_ns = now_ns();
     let mut unfinished = 0;

@@ -48,9 +48,12 @@ fn failed(path: &Path, reason: String) -> StateError {
 /// Checks that the name of the second file is free, or has what a crash has left there: a number, or its beginning.
 ///
 /// # Errors
-/// [`StateError`]: another file has the name, or it cannot be read.
+/// [`StateError`]: another file has the name, the counter of another machine for one, or it cannot be read.
 pub(super) fn check_second(path: &Path) -> Result<(), StateError> {
     let second = beside(path, "new");
+    if beside(&second, "lock").symlink_metadata().is_ok() {
+        return Err(failed(&second, "is the counter of another machine; name another file".to_owned()));
+    }
     match regular_file::open(&second, Access::Read).and_then(|mut file| regular_file::read(&mut file)) {
         Ok(text) if text.iter().all(|byte| byte.is_ascii_digit() || *byte == b'\n') => Ok(()),
         Ok(_) => Err(failed(&second, "is another file, not a counter of gantry-tau; move it away".to_owned())),

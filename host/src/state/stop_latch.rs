@@ -141,6 +141,7 @@ pub struct LatchFlusher {
     /// Absent if nothing is kept.
     thread: Option<(Sender<()>, JoinHandle<()>)>,
     is_latched: bool,
+    is_lost: bool,
 }
 
 impl LatchFlusher {
@@ -160,14 +161,15 @@ impl LatchFlusher {
             let thread = std::thread::Builder::new().name("stop latch".to_owned()).spawn(flush_each)?;
             io::Result::Ok((changes, thread))
         };
-        Ok(Self { thread: latch.file().map(start).transpose()?, is_latched: latch.is_latched })
+        Ok(Self { thread: latch.file().map(start).transpose()?, is_latched: latch.is_latched, is_lost: latch.is_lost })
     }
 
-    /// Asks for a flush when a stop is latched or released, and returns true if it does. In a quit the phase does not tell when.
-    pub fn see(&mut self, is_latched: bool) -> bool {
-        let changed = self.is_latched != is_latched;
+    /// Asks for a flush when a stop is latched or released, and when that is written later, and returns true if it does. In a quit the phase
+    /// does not tell when.
+    pub fn see(&mut self, is_latched: bool, is_lost: bool) -> bool {
+        let changed = self.is_latched != is_latched || self.is_lost && !is_lost;
+        (self.is_latched, self.is_lost) = (is_latched, is_lost);
         if changed {
-            self.is_latched = is_latched;
             self.ask();
         }
         changed

@@ -74,6 +74,20 @@ fn a_damaged_counter_is_refused_with_a_remedy_and_not_overwritten() {
     assert_eq!(folder.own().unwrap().begin(FirstRun::Unexpected).unwrap().epochs.first, Epoch(42));
 }
 
+/// `--epoch-file epoch` replaces its counter by `epoch.new`, which another machine's `--epoch-file` may name.
+#[test]
+fn a_counter_of_another_machine_is_left_alone() {
+    let folder = Folder::new("machines");
+    let other = Place::named(&folder.path("epoch.new"));
+    drop(State::own(&other, "other").unwrap().begin(FirstRun::Harmless).unwrap());
+    let error = folder.own().unwrap_err().to_string();
+    assert!(error.contains("epoch.new: is the counter of another machine"), "{error}");
+    assert_eq!(
+        State::own(&other, "other").unwrap().begin(FirstRun::Harmless).unwrap().epochs.first,
+        Epoch((1 << 32) + 1)
+    );
+}
+
 /// `--epoch-file Cargo` has its lock in `Cargo.lock`.
 #[test]
 fn another_file_that_has_a_name_of_ours_is_left_alone() {
@@ -105,6 +119,18 @@ fn a_stop_outlives_the_process_until_it_is_released() {
     begun.latch.set(false);
     drop(begun);
     assert!(!folder.begin(FirstRun::Unexpected).latch.is_latched());
+}
+
+/// Found from outside: a stop that a disk took late was never flushed.
+#[test]
+fn a_change_is_flushed_when_it_comes_and_when_it_is_written_late() {
+    let folder = Folder::new("flushed");
+    let begun = folder.begin(FirstRun::Harmless);
+    let mut flusher = LatchFlusher::of(&begun.latch).unwrap();
+    let rows = [(false, false), (true, true), (true, true), (true, false), (true, false), (false, false)];
+    let flushed = rows.map(|(is_latched, is_lost)| flusher.see(is_latched, is_lost));
+    assert_eq!(flushed, [false, true, false, true, false, true]);
+    flusher.finish();
 }
 
 #[test]

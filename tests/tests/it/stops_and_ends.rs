@@ -127,7 +127,7 @@ impl Bench {
     }
 
     fn see(&mut self, row: &Row<2>) {
-        if self.flusher.see(row.latched) {
+        if self.flusher.see(row.latched, row.latch_lost) {
             self.flushed = self.latch();
         }
     }

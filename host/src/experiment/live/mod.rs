@@ -171,8 +171,8 @@ impl<const N: usize> Link<N> {
             Err(error) => return (false, Err(error.into())),
         };
         let (queue, mut ticks) = rtrb::RingBuffer::new(QUEUE);
-        let mut probe = Probe::new(gauges, self.count, self.metres_per_q, queue);
         let controls = ClientControls::default();
+        let mut probe = Probe::new(quit, &controls, gauges, self.count, self.metres_per_q, queue);
         std::thread::scope(|scope| {
             // The probe ends with the session, and the queue with the probe.
             let shared = &controls;

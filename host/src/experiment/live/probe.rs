@@ -1,11 +1,12 @@
 //! The instruments in each cycle of the client: one tick per force sample, handed to the campaign.
 
 use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use gantry_tau_core::control::message::{Capabilities, State, Welcome};
 use gantry_tau_core::units::PositionNm;
 
-use crate::client::{ClientError, Observer};
+use crate::client::{ClientControls, ClientError, Observer};
 use crate::experiment::windows::Sample;
 use crate::gauge_link::{GaugeReader, Lengths};
 use crate::measurements::springs::MAX_GAUGES;
@@ -26,7 +27,10 @@ pub(super) struct Tick<const N: usize> {
 }
 
 /// Observer of the client.
-pub(super) struct Probe<const N: usize> {
+pub(super) struct Probe<'a, const N: usize> {
+    /// Told to leave, which the thread of the campaign passes on only if its table does not hang.
+    quit: &'a AtomicBool,
+    controls: &'a ClientControls,
     gauges: Option<GaugeReader>,
     count: usize,
     metres_per_q: [f64; N],
@@ -37,14 +41,18 @@ pub(super) struct Probe<const N: usize> {
     states_without_record: u64,
 }
 
-impl<const N: usize> Probe<N> {
+impl<'a, const N: usize> Probe<'a, N> {
     pub(super) const fn new(
+        quit: &'a AtomicBool,
+        controls: &'a ClientControls,
         gauges: Option<GaugeReader>,
         count: usize,
         metres_per_q: [f64; N],
         queue: rtrb::Producer<Tick<N>>,
     ) -> Self {
         Self {
+            quit,
+            controls,
             gauges,
             count,
             metres_per_q,
@@ -88,13 +96,17 @@ impl<const N: usize> Probe<N> {
     }
 }
 
-impl<const N: usize> Observer<N> for Probe<N> {
+impl<const N: usize> Observer<N> for Probe<'_, N> {
     fn welcomed(&mut self, welcome: &Welcome<N>) {
         self.is_granted = true;
         self.is_lockstep = welcome.capabilities.contains(Capabilities::LOCKSTEP);
     }
 
     fn answered(&mut self, state: &State<N>, sample: Option<&sensor_link::Sample>) -> Result<(), ClientError> {
+        let is_told_to_leave = self.quit.load(Ordering::Relaxed);
+        if is_told_to_leave {
+            self.controls.quit.store(true, Ordering::Relaxed);
+        }
         let lengths_m = self.lengths_m()?;
         let Some(force) = sample else { return Ok(()) };
         let q = std::array::from_fn(|axis| state.axes[axis].actual.position.to_metres().0 / self.metres_per_q[axis]);
@@ -102,7 +114,7 @@ impl<const N: usize> Observer<N> for Probe<N> {
         let tick = Tick { sample, nominal: state.axes.map(|axis| axis.nominal) };
         while self.queue.push(tick).is_err() {
             // By the clock an answer must not wait; the gap makes the campaign take its window again.
-            if !self.is_lockstep || self.queue.is_abandoned() {
+            if !self.is_lockstep || is_told_to_leave || self.queue.is_abandoned() {
                 break;
             }
             std::thread::sleep(REST);

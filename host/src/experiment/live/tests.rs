@@ -13,6 +13,7 @@ use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::units::EpochRange;
 
 use super::*;
+use crate::client::Observer;
 use crate::elastic::Equilibrium;
 use crate::experiment::fixture::{Folder, campaign_a, first_series, plan_in};
 use crate::experiment::prediction::unloaded;
@@ -97,6 +98,20 @@ impl Bench {
 }
 
 /// Keys of nobody.
+/// Found from outside: a table that hung kept Ctrl-C from the client.
+#[test]
+fn a_client_is_told_to_leave_whatever_the_campaign_does() {
+    let (quit, controls) = (AtomicBool::new(false), ClientControls::default());
+    let (queue, _ticks) = rtrb::RingBuffer::new(1);
+    let mut probe = Probe::new(&quit, &controls, None, 0, [1.0; 3], queue);
+    let state = Row::listening().state;
+    for is_told in [false, true] {
+        quit.store(is_told, Ordering::Relaxed);
+        probe.answered(&state, None).unwrap();
+        assert_eq!(controls.quit.load(Ordering::Relaxed), is_told);
+    }
+}
+
 fn no_keys() -> (Sender<String>, Receiver<String>) {
     channel()
 }

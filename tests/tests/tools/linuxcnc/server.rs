@@ -349,16 +349,22 @@ fn epochs_in_use(ports: &str) {
 /// Another file that has the name of the lock, or of the counter's second file, is left as it is.
 fn names_in_use(ports: &str) {
     let folder = std::env::temp_dir().join(format!("gantry-tau-names-in-use-{}", std::process::id()));
-    for extension in ["lock", "new"] {
+    for (extension, text) in
+        [("lock", &b"4 of another program\n"[..]), ("new", b"4 of another program\n"), ("lock", b"\0"), ("new", b"\0")]
+    {
         std::fs::create_dir_all(&folder).unwrap();
         let [file, other] = ["epochs".to_owned(), format!("epochs.{extension}")].map(|name| folder.join(name));
-        std::fs::write(&other, "4 of another program\n").unwrap();
+        std::fs::write(&other, text).unwrap();
         // LinuxCNC runs as another user.
         for path in [&folder, &other] {
             std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
         }
-        refused("names-in-use", &format!("{ports} epoch_file={}", file.display()), "epochs: File exists");
-        assert_eq!(std::fs::read_to_string(other).unwrap(), "4 of another program\n");
+        refused(
+            "names-in-use",
+            &format!("{ports} epoch_file={}", file.display()),
+            &format!("epochs: a file of this name with .{extension} behind it is another program's; move it away"),
+        );
+        assert_eq!(std::fs::read(other).unwrap(), text);
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

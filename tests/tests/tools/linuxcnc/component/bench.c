@@ -29,7 +29,7 @@ void sockets_close(uint64_t connection) { client.is_present &= connection != cli
 void sockets_wait(uint64_t connection, long timeout_ns) { (void)connection, (void)timeout_ns; }
 void sockets_publish(uint64_t tick_number, const double wrench[6]) { (void)tick_number, (void)wrench; }
 
-void sockets_receive(gt_server *to)
+void sockets_receive(gt_server *to, const uint64_t *owner)
 {
     if (client.says_hello) {
         client.says_hello = 0;
