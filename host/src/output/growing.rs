@@ -12,7 +12,7 @@ use super::{Kind, WriteError, shown, stream};
 const MAX_NUMBER: u32 = 99_999;
 
 /// A file that is made with its first bytes: a run that has none leaves none, and costs no other file. A pipe or device that takes nothing for
-/// five seconds fails, unless it [waits](Self::that_waits).
+/// five seconds fails, but that of a recording, whose thread may wait.
 #[derive(Debug)]
 pub struct GrowingFile {
     path: PathBuf,
