@@ -96,21 +96,28 @@ void epochs_release(void)
     }
 }
 
+/* Reads the beginning of a file, 31 bytes at most. Returns the length, or -1 with errno. */
+static ssize_t read_file(const char *path, char text[32])
+{
+    ssize_t count;
+    const int file = open_regular(path, O_RDONLY);
+    if (file < 0) {
+        return -1;
+    }
+    count = read_text(file, text, 32);
+    close(file);
+    return count;
+}
+
 /* Reads the counter. Returns 0; 1 if the file is not a number, -1 with errno. */
 static int read_counter(const char *path, uint64_t *used)
 {
-    char text[32] = "";
+    char text[32];
     char *end;
-    ssize_t count;
-    const int file = open_regular(path, O_RDONLY);
+    const ssize_t count = read_file(path, text);
     *used = 0;
-    if (file < 0) {
-        return errno == ENOENT ? 0 : -1;
-    }
-    count = read_text(file, text, sizeof text);
-    close(file);
     if (count < 0) {
-        return -1;
+        return errno == ENOENT ? 0 : -1;
     }
     errno = 0;
     *used = strtoull(text, &end, 10);
@@ -123,21 +130,20 @@ static int flush_and_close(int file)
     return close(file) != 0 || failed != 0 ? -1 : 0;
 }
 
-/* Removes the second file of a crash. Returns 0, or -1 with errno: EEXIST if another file has its name. */
+/* Removes the second file of a crash. Returns 0, or -1 with errno: EEXIST if another file has its name, such as another machine's counter. */
 static int remove_second(const char *second)
 {
+    static char name[PATH_MAX]; /* not on the stack */
+    struct stat found;
     char text[32];
-    ssize_t count;
-    const int file = open_regular(second, O_RDONLY);
-    if (file < 0) {
+    const ssize_t count = read_file(second, text);
+    if (count < 0) {
         return errno == ENOENT ? 0 : -1;
     }
-    count = read_text(file, text, sizeof text);
-    close(file);
-    if (count < 0) {
+    if (beside(second, "lock", name) != 0) {
         return -1;
     }
-    if ((size_t)count == sizeof text - 1 || strspn(text, "0123456789\n") != (size_t)count) {
+    if (count == sizeof text - 1 || strspn(text, "0123456789\n") != (size_t)count || lstat(name, &found) == 0) {
         errno = EEXIST;
         return -1;
     }

@@ -24,9 +24,9 @@ enum {
     /* New connections accepted per visit. */
     ACCEPTS = 2,
     SENSOR_READERS = 4,
-    /* Records within which a reader that reads nothing is not told from one that does, and calls after which one with so few is idle. */
     /* Bytes that the system keeps for a reader, as host/src/readers.rs. */
     SEND_BUFFER = 128 * 1024,
+    /* Records within which a reader that reads nothing is not told from one that does, and calls after which one with so few is idle. */
     UNPROVEN = 65536 / SENSOR_RECORD,
     IDLE = 10000
 };

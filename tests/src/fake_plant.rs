@@ -19,6 +19,8 @@ pub struct Record<const N: usize> {
     pub nominal_in_force: [PositionNm; N],
     /// Every `write`.
     pub written: Vec<[Reference; N]>,
+    /// The drives cannot be enabled.
+    pub start_fails: bool,
     /// The offsets in force cannot be read.
     pub offsets_fail: bool,
     /// `read` fails.
@@ -59,6 +61,7 @@ impl<const N: usize> Default for Bus<N> {
             nominal_in_force: std::array::from_fn(home),
             in_force: [Offsets::default(); N],
             written: Vec::new(),
+            start_fails: false,
             offsets_fail: false,
             read_fails: false,
             write_fails: false,
@@ -104,6 +107,10 @@ impl<const N: usize> Bus<N> {
 }
 
 impl<const N: usize> Plant<N, N> for Bus<N> {
+    fn start(&mut self) -> Result<(), PlantError> {
+        if self.record().start_fails { Err(failed("be enabled")) } else { Ok(()) }
+    }
+
     fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
         let mut record = self.record();
         if record.offsets_fail {

@@ -175,8 +175,16 @@ impl<const N: usize> ServerFixture<N> {
     /// Runs the server in a thread of its own. Its rows are not looked at.
     #[must_use]
     pub fn spawn(self) -> Server<N> {
-        let (server, _rows) = Server::spawn(self.cycle, TickSource::Lockstep).unwrap();
-        server
+        self.try_spawn().unwrap()
+    }
+
+    /// The same.
+    ///
+    /// # Errors
+    /// As [`Server::spawn`].
+    pub fn try_spawn(self) -> Result<Server<N>, ServerError> {
+        let (server, _rows) = Server::spawn(self.cycle, TickSource::Lockstep)?;
+        Ok(server)
     }
 
     /// Takes in what has arrived; returns the owner's frames that the coming tick has.

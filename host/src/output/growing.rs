@@ -145,7 +145,9 @@ impl Write for GrowingFile {
         let file = self.open()?;
         let mut written = 0;
         while let Some(rest) = bytes.get(written..).filter(|rest| !rest.is_empty()) {
-            match stream::write(file, rest) {
+            match stream::Bounded(file).write(rest) {
+                Ok(0) => return Err(take_back(file, written, io::ErrorKind::WriteZero.into())),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Ok(count) => written = written.saturating_add(count),
                 Err(error) => return Err(take_back(file, written, error)),
             }

@@ -1,7 +1,7 @@
 //! Target of a path, and the only openings of files for writing.
 
 use std::fs::{self, File, OpenOptions};
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::{WriteError, stream};
@@ -85,13 +85,8 @@ pub(super) fn owned(file: File) -> io::Result<File> {
 }
 
 /// Writes to a device or a pipe.
-pub(super) fn write_stream(path: &Path, mut bytes: &[u8]) -> io::Result<()> {
-    let mut file = stream::open(path)?;
-    while !bytes.is_empty() {
-        let written = stream::write(&mut file, bytes)?;
-        bytes = bytes.get(written..).unwrap_or_default();
-    }
-    Ok(())
+pub(super) fn write_stream(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    stream::Bounded(&mut stream::open(path)?).write_all(bytes)
 }
 
 /// A path by which a file is known even before it exists: its folder resolved.

@@ -5,7 +5,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Opens a pipe or a device. A pipe without a reader is waited for, at most five seconds; a [`write`] then waits for a reader as long.
+/// Opens a pipe or a device. A pipe without a reader is waited for, at most five seconds; [`Bounded`] then waits as long in each write.
 pub(super) fn open(path: &Path) -> io::Result<File> {
     system::open(path)
 }
@@ -15,18 +15,21 @@ pub(super) fn let_wait(file: &File) -> io::Result<()> {
     system::let_wait(file)
 }
 
-/// Writes some of the bytes.
-///
-/// # Errors
-/// The system's; or a pipe or device takes nothing for five seconds.
-pub(super) fn write(file: &mut File, bytes: &[u8]) -> io::Result<usize> {
-    loop {
-        match file.write(bytes) {
-            Ok(0) if !bytes.is_empty() => return Err(io::ErrorKind::WriteZero.into()),
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => system::await_room(file)?,
-            written => return written,
+/// Writes with a bounded wait: a pipe or device that takes nothing for five seconds is an error.
+pub(super) struct Bounded<'a>(pub(super) &'a mut File);
+
+impl Write for Bounded<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        loop {
+            match self.0.write(bytes) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => system::await_room(self.0)?,
+                written => return written,
+            }
         }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
     }
 }
 

@@ -36,7 +36,7 @@ const QUEUE: usize = 8_192;
 /// Time that a producer that may wait does so in all.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Producer side of a recording: pushing never blocks and never allocates.
+/// Producer side of a recording: [`push`](Self::push) never blocks and never allocates.
 #[derive(Debug)]
 pub struct Recorder<T, const N: usize> {
     /// Path that was asked for.
@@ -45,18 +45,19 @@ pub struct Recorder<T, const N: usize> {
     thread: JoinHandle<Recorded>,
     dropped: u64,
     /// The next row begins another file.
-    begins_next: bool,
-    /// What is left of [`PATIENCE`].
+    begins_file: bool,
+    /// Rest of [`PATIENCE`].
     patience: Duration,
     shared: Arc<Shared>,
 }
 
 /// Item of the queue.
 #[derive(Debug)]
-enum Item<T> {
-    Row(T, Vec<Event>),
-    /// What follows begins another file.
-    NextFile,
+struct Item<T> {
+    row: T,
+    events: Vec<Event>,
+    /// The row begins another file.
+    begins_file: bool,
 }
 
 /// Exchange between the writing thread and the producer.
@@ -84,21 +85,16 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         let write = move || {
             // But for its file. Without the right to give them up it has none.
             let _ = crate::privileges::give_up(&[recording.path().to_owned()]);
-            drain(&mut rows, |item, _| {
-                match item {
-                    Item::Row(row, events) => {
-                        recording.write(row, events);
-                        if told.taken.fetch_add(1, Ordering::Relaxed) == 0 {
-                            *told.path.lock().unwrap_or_else(PoisonError::into_inner) =
-                                Some(recording.path().to_owned());
-                        }
+            drain(&mut rows, |item: &Item<T>, _| {
+                if item.begins_file {
+                    told.taken.store(0, Ordering::Relaxed);
+                    if let Some(recorded) = recording.begin_next() {
+                        tracing::info!("{recorded}; the next connection begins another file");
                     }
-                    Item::NextFile => {
-                        told.taken.store(0, Ordering::Relaxed);
-                        if let Some(recorded) = recording.begin_next() {
-                            tracing::info!("{recorded}; the next connection begins another file");
-                        }
-                    }
+                }
+                recording.write(&item.row, &item.events);
+                if told.taken.fetch_add(1, Ordering::Relaxed) == 0 {
+                    *told.path.lock().unwrap_or_else(PoisonError::into_inner) = Some(recording.path().to_owned());
                 }
                 told.has_failed.fetch_or(recording.has_failed(), Ordering::Relaxed);
             });
@@ -106,7 +102,7 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
         };
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(write);
         let thread = thread.map_err(|error| RecordError { path: path.clone(), reason: error.to_string() })?;
-        Ok(Self { path, queue, thread, dropped: 0, begins_next: false, patience: PATIENCE, shared })
+        Ok(Self { path, queue, thread, dropped: 0, begins_file: false, patience: PATIENCE, shared })
     }
 
     /// True once rows are lost: the file has failed, or does not take them in time.
@@ -117,9 +113,10 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
 
     /// Adds a row with what happened in it, or counts it as dropped; the first one is told.
     pub fn push(&mut self, row: T, events: Vec<Event>) {
-        // In this order: rows before and after it never share a file.
-        self.begins_next = self.begins_next && self.queue.push(Item::NextFile).is_err();
-        if self.begins_next || self.queue.push(Item::Row(row, events)).is_err() {
+        let item = Item { row, events, begins_file: self.begins_file };
+        if self.queue.push(item).is_ok() {
+            self.begins_file = false;
+        } else {
             if self.dropped == 0 {
                 tracing::warn!("the recording loses rows: its disk does not take {QUEUE} rows in time");
             }
@@ -129,7 +126,7 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
 
     /// The same, for a thread that may wait for room: five seconds in all.
     pub fn push_patiently(&mut self, row: T, events: Vec<Event>) {
-        while self.queue.slots() < 2 && !self.patience.is_zero() {
+        while self.queue.is_full() && !self.patience.is_zero() {
             self.patience = self.patience.saturating_sub(REST);
             std::thread::sleep(REST);
         }
@@ -138,11 +135,11 @@ impl<T: TickRow<N>, const N: usize> Recorder<T, N> {
 
     /// The next row begins another file.
     pub const fn begin_next(&mut self) {
-        self.begins_next = true;
+        self.begins_file = true;
     }
 
     /// Ends the recording, and adds rows that were dropped before they came here. `None` if the writing thread panicked, which was reported
-    /// on stderr. A file whose disk or reader takes nothing for five seconds is left as it is: that is its failure then.
+    /// on stderr. A file whose disk or reader takes nothing for five seconds, or not all in thirty, is left as it is: that is its failure then.
     #[must_use]
     pub fn finish(self, dropped: u64) -> Option<Recorded> {
         let Self { path, queue, thread, dropped: here, shared, .. } = self;

@@ -30,7 +30,7 @@ pub(super) struct Writer {
     asked: u64,
 }
 
-/// What both threads see. A number of a change and one bit make one word, so that neither waits for a lock.
+/// Exchange between the two threads. The number of a change and one bit make one word, so that neither waits for a lock.
 #[derive(Debug, Default)]
 struct Shared {
     /// The last change that was asked for, and its position.

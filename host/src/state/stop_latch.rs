@@ -39,7 +39,7 @@ fn failed(path: &Path, error: &io::Error) -> StateError {
     StateError::File { file: "stop latch", path: path.to_owned(), reason: error.to_string() }
 }
 
-/// Where a latch is kept.
+/// Storage of a latch.
 #[derive(Debug)]
 enum Store {
     /// Nowhere.

@@ -62,3 +62,12 @@ fn a_quit_is_no_stop() {
     assert!(open().is_latched());
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+/// Found from outside: "listening on" was printed, and then that the drives cannot be enabled.
+#[test]
+fn a_server_whose_drives_cannot_be_enabled_does_not_begin() {
+    let (bus, server) = ramping();
+    bus.record().start_fails = true;
+    assert!(matches!(server.try_spawn(), Err(ServerError::Plant(_))));
+    assert!(bus.record().written.is_empty());
+}

@@ -78,7 +78,7 @@ fn that_hang_block_nothing_but_the_recording() {
     bench.assert_ramped();
 }
 
-/// A recording of a monitor into a pipe that is not read: Ctrl-C ends it. One that nobody opens is refused.
+/// A recording of a monitor into a pipe that is not read: Ctrl-C ends it. A pipe without a reader is refused.
 #[test]
 fn that_hang_keep_no_monitor() {
     let bench = Bench::new("disk-monitor");

@@ -269,7 +269,7 @@ fn a_burst_is_one_tick() {
     }
 }
 
-/// Strangers who take all places of both ports, and say and read nothing, keep nobody out.
+/// Strangers who take all places of both ports, and say and read nothing, do not keep a client out.
 fn places_are_shared() {
     let mut bench = Bench::start("places", &["lockstep=1"]);
     let [port, sensor_port] = bench.ports;

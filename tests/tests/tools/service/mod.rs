@@ -32,10 +32,6 @@ const MAX_EXPOSURE: u32 = 14;
 /// The same with the drop-in for EtherCAT: one capability and two families of addresses more.
 const MAX_EXPOSURE_ON_A_BUS: u32 = 20;
 
-/// Mounts an image and freezes it, in a namespace of its own.
-const FREEZE: &str = "set -e; image=$(mktemp); trap 'rm -f $image' EXIT; truncate -s 1M $image; mkfs.ext4 -q $image
-unshare -m sh -c \"mount -o loop $image /mnt && fsfreeze --freeze /mnt && fsfreeze --unfreeze /mnt\"";
-
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let analyze = missing("systemd-analyze", &["--version"]);
@@ -51,8 +47,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         .then(|| "user namespaces not permitted".to_owned())
         .or_else(|| missing("prlimit", &["--version"]));
     let freezing = sandbox.clone().or_else(|| missing("mkfs.ext4", &["-V"])).or_else(|| {
-        (!succeeds(Command::new("sh").args(["-c", FREEZE])))
-            .then(|| "freezing of a loop device not permitted".to_owned())
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/service/freezes.sh");
+        (!succeeds(&mut Command::new(script))).then(|| "freezing of a loop device not permitted".to_owned())
     });
     vec![
         trial("a_disk_that_hangs_holds_up_no_ramp_and_loses_no_stop", freezing, hangs),
@@ -233,7 +229,7 @@ fn hangs() -> Result<(), Failed> {
         if ends_frozen {
             server.tell_to_end();
             server.await_words("all offsets are zero; the stop latch cannot be written");
-            server.await_words("its disk or reader takes nothing");
+            server.await_words("run-2.csv: its disk or reader takes nothing");
             drop(frozen);
             assert_eq!(server.end(), Some(4), "{}", server.log());
             assert!(server.log().contains("the next start would not know of a stop"), "{}", server.log());

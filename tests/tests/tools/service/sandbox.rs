@@ -59,13 +59,16 @@ impl Sandbox {
         sandbox
     }
 
-    /// The same with a disk that can be frozen.
+    /// The same with a disk that can be frozen, which has a file `run.csv`.
     pub(super) fn with_disk(name: &str) -> Self {
         let sandbox = Self::new(name, Vec::new());
         let disk = sandbox.place.join("state/disk");
         File::create(&disk).unwrap().set_len(16 << 20).unwrap();
+        let files = sandbox.place.join("files");
+        fs::create_dir(&files).unwrap();
+        fs::write(files.join("run.csv"), "of an earlier run\n").unwrap();
         let mut mkfs = Command::new("mkfs.ext4");
-        mkfs.args(["-q", "-E", &format!("root_owner={USER}:{USER}")]).arg(disk);
+        mkfs.args(["-q", "-E", &format!("root_owner={USER}:{USER}"), "-d"]).args([files, disk]);
         assert!(mkfs.status().unwrap().success());
         sandbox
     }
