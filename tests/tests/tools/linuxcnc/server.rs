@@ -346,25 +346,31 @@ fn epochs_in_use(ports: &str) {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// Another file that has the name of the lock, or of the counter's second file, is left as it is.
+/// Another file that has the name of the lock, or of the counter's second file, is left as it is; a counter that has a lock is another machine's.
 fn names_in_use(ports: &str) {
+    const OTHER: &str = "4 of another program\n";
     let folder = std::env::temp_dir().join(format!("gantry-tau-names-in-use-{}", std::process::id()));
-    for (extension, text) in
-        [("lock", &b"4 of another program\n"[..]), ("new", b"4 of another program\n"), ("lock", b"\0"), ("new", b"\0")]
-    {
+    for (extension, files) in [
+        ("lock", &[("epochs.lock", OTHER)][..]),
+        ("lock", &[("epochs.lock", "\0")]),
+        ("new", &[("epochs.new", OTHER)]),
+        ("new", &[("epochs.new", "\0")]),
+        ("new", &[("epochs.new", "17\n"), ("epochs.new.lock", "")]),
+    ] {
         std::fs::create_dir_all(&folder).unwrap();
-        let [file, other] = ["epochs".to_owned(), format!("epochs.{extension}")].map(|name| folder.join(name));
-        std::fs::write(&other, text).unwrap();
+        files.iter().for_each(|(name, text)| std::fs::write(folder.join(name), text).unwrap());
         // LinuxCNC runs as another user.
-        for path in [&folder, &other] {
+        for path in files.iter().map(|(name, _)| folder.join(name)).chain([folder.clone()]) {
             std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
         }
         refused(
             "names-in-use",
-            &format!("{ports} epoch_file={}", file.display()),
+            &format!("{ports} epoch_file={}", folder.join("epochs").display()),
             &format!("epochs: a file of this name with .{extension} behind it is another program's; move it away"),
         );
-        assert_eq!(std::fs::read(other).unwrap(), text);
+        for (name, text) in files {
+            assert_eq!(std::fs::read_to_string(folder.join(name)).unwrap(), *text);
+        }
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }
