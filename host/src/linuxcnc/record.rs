@@ -154,14 +154,15 @@ fn nearest(command: f64, counted: i64) -> i64 {
 
 #[cfg(test)]
 mod tests {
+    use tempfile::TempDir;
+
     use super::*;
 
     /// A folder with these two files.
-    fn folder(name: &str, joints: &str, server: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("gantry-tau-record-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join("joints.txt"), joints).unwrap();
-        std::fs::write(folder.join("server.txt"), server).unwrap();
+    fn folder(joints: &str, server: &str) -> TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("joints.txt"), joints).unwrap();
+        std::fs::write(folder.path().join("server.txt"), server).unwrap();
         folder
     }
 
@@ -170,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_record_begins_with_its_first_session_and_a_cut_line_is_dropped() {
-        let periods = read::<3>(&folder("whole", JOINTS, SERVER)).unwrap();
+        let periods = read::<3>(folder(JOINTS, SERVER).path()).unwrap();
         let [first, second] = periods.as_slice() else { panic!("{periods:?}") };
         // Halfway between two is the one that the component took.
         assert_eq!((first.number, first.nominal_nm), (1, [1, 3, 3]));
@@ -183,18 +184,18 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_named_with_its_file_and_line() {
-        let said = |name, joints: &str, server: &str| {
-            read::<3>(&folder(name, joints, server)).unwrap_err().to_string().rsplit('/').next().unwrap().to_owned()
+        let said = |joints: &str, server: &str| {
+            read::<3>(folder(joints, server).path()).unwrap_err().to_string().rsplit('/').next().unwrap().to_owned()
         };
         let lost = JOINTS.replace("\n1 ", "\n2 ");
         let expected = "joints.txt, line 2: not sample 1: the sampler has lost a period";
-        assert_eq!(said("lost", &lost, SERVER), expected);
+        assert_eq!(said(&lost, SERVER), expected);
         let other = "server.txt, line 1: 1 columns instead of 10: another machine?";
-        assert_eq!(said("other", JOINTS, "0 1\n"), other);
-        assert_eq!(said("phase", JOINTS, "0 0 0 0 0 0 0 9 0 0 0\n"), "server.txt, line 1: 9 is not a phase");
+        assert_eq!(said(JOINTS, "0 1\n"), other);
+        assert_eq!(said(JOINTS, "0 0 0 0 0 0 0 9 0 0 0\n"), "server.txt, line 1: 9 is not a phase");
         let fraction = JOINTS.replace(" 101 ", " 101.4 ");
-        assert_eq!(said("fraction", &fraction, SERVER), "server.txt, line 2: 101.4 nm is not a whole number");
-        assert!(said("none", "0 1 2 3 1 2 3 0 0 0\n", SERVER).ends_with("no session of a client is in the record"));
-        assert!(said("overrun", "overrun\n", SERVER).contains("line 1"));
+        assert_eq!(said(&fraction, SERVER), "server.txt, line 2: 101.4 nm is not a whole number");
+        assert!(said("0 1 2 3 1 2 3 0 0 0\n", SERVER).ends_with("no session of a client is in the record"));
+        assert!(said("overrun\n", SERVER).contains("line 1"));
     }
 }

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use tempfile::TempDir;
+
 /// Longest wait for anything, on a busy machine.
 const DEADLINE: Duration = Duration::from_secs(180);
 
@@ -29,18 +31,19 @@ impl Default for Streams {
 }
 
 /// A folder that is removed at the end of its test.
-pub(crate) struct Folder(PathBuf);
+pub(crate) struct Folder(TempDir);
 
 impl Folder {
     pub(crate) fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("gantry-tau-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
+        let folder = tempfile::Builder::new().prefix(&format!("gantry-tau-{name}-")).tempdir().unwrap();
+        // Another login reads there, too.
+        #[cfg(unix)]
+        std::fs::set_permissions(folder.path(), std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+        Self(folder)
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
+        self.0.path().join(name)
     }
 
     pub(crate) fn read(&self, name: &str) -> String {
@@ -73,14 +76,14 @@ impl Folder {
         let [out, err] = ["out", "err"].map(|end| self.path(&format!("{name}.{end}")));
         let [stdout, stderr] = [&out, &err].map(|path| Stdio::from(File::create(path).unwrap()));
         let is_set = |command: &Command, name: &str| command.get_envs().any(|(key, _)| key == name);
-        for (key, value) in [("STATE_DIRECTORY", self.0.as_os_str()), ("RUST_BACKTRACE", "1".as_ref())] {
+        for (key, value) in [("STATE_DIRECTORY", self.0.path().as_os_str()), ("RUST_BACKTRACE", "1".as_ref())] {
             if !is_set(command, key) {
                 command.env(key, value);
             }
         }
         let child = command
             .args(arguments)
-            .current_dir(&self.0)
+            .current_dir(self.0.path())
             .env_remove("RUST_LOG")
             .stdin(streams.input)
             .stdout(streams.output.unwrap_or(stdout))
@@ -93,12 +96,6 @@ impl Folder {
     /// Runs the binary to its end.
     pub(crate) fn run(&self, arguments: &[&str]) -> Ended {
         self.start("run", arguments).end()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 

@@ -179,9 +179,9 @@ fn passed_by(server: ServerFixture<3>) -> (ServerFixture<3>, u64) {
 /// Found by attack: after 1 000 black boxes a run wrote no more, and 1 005 times Hello and close take seconds.
 #[test]
 fn passers_by_do_not_cost_the_evidence_of_a_session_that_obtained() {
-    let folder = std::env::temp_dir().join(format!("gantry-tau-passers-by-{}", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
     let (mut server, windows) = ServerFixture::default().handing_over();
-    let mut writer = Writer::open(&folder, windows).unwrap();
+    let mut writer = Writer::open(folder.path(), windows).unwrap();
     let mut last = 0;
     for _ in 0..1_005 {
         (server, last) = passed_by(server);
@@ -203,7 +203,7 @@ fn passers_by_do_not_cost_the_evidence_of_a_session_that_obtained() {
     }
     drop(server);
     writer.finish().unwrap();
-    let mut epochs: Vec<u64> = std::fs::read_dir(&folder)
+    let mut epochs: Vec<u64> = std::fs::read_dir(folder.path())
         .unwrap()
         .map(|file| file.unwrap().file_name().into_string().unwrap())
         .map(|name| name.split('-').nth(1).unwrap().parse().unwrap())
@@ -212,7 +212,6 @@ fn passers_by_do_not_cost_the_evidence_of_a_session_that_obtained() {
     // That of the last passer-by would follow with the next session.
     let newest: Vec<u64> = std::iter::once(real).chain(last - 16..last).collect();
     assert_eq!(epochs, newest);
-    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 /// Passers-by that come faster than black boxes are written leave room for a session that obtained, and are not called a loss.

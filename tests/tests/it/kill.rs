@@ -1,7 +1,5 @@
 //! Killing client or server at any moment leaves nothing half-done.
 
-use std::path::PathBuf;
-
 use gantry_tau::server::ServerError;
 use gantry_tau::state::{Begun, FirstRun, Place, State};
 use gantry_tau_core::control::axis::Offsets;
@@ -12,6 +10,7 @@ use gantry_tau_tests::client::hello;
 use gantry_tau_tests::fake_plant::{Bus, Record};
 use gantry_tau_tests::server_fixture::{MAX_NM, ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::{SessionFixture, offsets};
+use tempfile::TempDir;
 
 /// Ticks of the scripted session: Submit, Obtain with all three channels moving, back to Submit, Obtain again, Goodbye.
 const SCRIPT: u32 = 60;
@@ -45,31 +44,20 @@ fn play(server: ServerFixture<3>, killed: u32) -> SessionFixture<3> {
 }
 
 /// An epoch file of this test's own, gone with it.
-struct EpochFile(PathBuf);
+struct EpochFile(TempDir);
 
 impl EpochFile {
-    fn new(name: &str) -> Self {
-        let name = format!("gantry-tau-{name}-{}", std::process::id());
-        let path = std::env::temp_dir().join(name);
-        let _ = std::fs::remove_file(&path);
-        Self(path)
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
     }
 
     /// The state of a server that begins. The lock is given back at once: killed servers are no owners.
     fn begin(&self) -> Begun {
-        State::own(&Place::named(&self.0), "test").unwrap().begin(FirstRun::Harmless).unwrap()
+        State::own(&Place::named(&self.0.path().join("epoch")), "test").unwrap().begin(FirstRun::Harmless).unwrap()
     }
 
     fn reserve(&self) -> EpochRange {
         self.begin().epochs
-    }
-}
-
-impl Drop for EpochFile {
-    fn drop(&mut self) {
-        for extension in ["", "stop", "lock"] {
-            let _ = std::fs::remove_file(self.0.with_extension(extension));
-        }
     }
 }
 
@@ -138,7 +126,7 @@ fn a_client_killed_within_a_frame_leaves_a_server_for_the_next() {
 
 #[test]
 fn a_server_killed_at_any_tick_is_followed_without_a_step() {
-    let file = EpochFile::new("killed");
+    let file = EpochFile::new();
     let bus = Bus::default();
     let mut last_epoch = None;
     for killed in 0..=SCRIPT {
@@ -231,7 +219,7 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
 /// Found by audit: after a crash the next Hello obtained, as if nobody had pressed the stop.
 #[test]
 fn a_stop_outlives_the_server() {
-    let file = EpochFile::new("latch");
+    let file = EpochFile::new();
     let bus = Bus::default();
     let start = || ServerFixture::<3>::with_latch(bus.clone(), file.begin().latch);
     // A stop by the owner, and one at the machine.
@@ -258,7 +246,7 @@ fn a_stop_outlives_the_server() {
 
 #[test]
 fn the_frames_of_a_dead_servers_session_do_not_revive() {
-    let file = EpochFile::new("revive");
+    let file = EpochFile::new();
     let bus = Bus::default();
     let first = ServerFixture::start(parameters(), bus.clone(), file.reserve()).unwrap();
     let dead = SessionFixture::submitted_on(first).obtain([150; 3]);

@@ -50,8 +50,8 @@ fn it_waits_for_a_bus_that_comes_back() {
 /// A quit ramps as a stop does, and is none; one that was pressed before stays.
 #[test]
 fn a_quit_is_no_stop() {
-    let folder = std::env::temp_dir().join(format!("gantry-tau-quit-{}", std::process::id()));
-    let place = Place::named(&folder.join("epoch"));
+    let folder = tempfile::tempdir().unwrap();
+    let place = Place::named(&folder.path().join("epoch"));
     let open = || State::own(&place, "test").unwrap().begin(FirstRun::Harmless).unwrap().latch;
     let server = ServerFixture::<2>::with_latch(Bus::default(), open()).spawn();
     assert!(server.quit().is_ok());
@@ -60,7 +60,6 @@ fn a_quit_is_no_stop() {
     server.step_stopped();
     assert!(server.spawn().quit().is_ok());
     assert!(open().is_latched());
-    std::fs::remove_dir_all(folder).unwrap();
 }
 
 /// Found from outside: "listening on" was printed, and then that the drives cannot be enabled.

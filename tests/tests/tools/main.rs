@@ -31,5 +31,8 @@ fn main() {
     trials.extend(ethercat::trials());
     #[cfg(target_os = "linux")]
     trials.extend(service::trials());
-    libtest_mimic::run(&arguments, trials).exit();
+    let conclusion = libtest_mimic::run(&arguments, trials);
+    #[cfg(target_os = "linux")]
+    linuxcnc::remove_folder();
+    conclusion.exit();
 }

@@ -16,7 +16,7 @@ mod double;
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -90,21 +90,13 @@ fn browser(profile: &Path, page: &str, option: &str) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-fn folder(name: &str) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("gantry-tau-{name}-{}", std::process::id()));
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
-
 /// The document once it contains these words: it may be printed before.
-fn document(profile: &str, page: &str, words: &str) -> String {
-    let folder = folder(profile);
+fn document(page: &str, words: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
     let began = Instant::now();
     loop {
-        let document = browser(&folder, page, "--dump-dom");
+        let document = browser(folder.path(), page, "--dump-dom");
         if document.contains(words) {
-            let _ = std::fs::remove_dir_all(&folder);
             return document;
         }
         assert!(began.elapsed() < PATIENCE, "{document}");
@@ -119,7 +111,7 @@ fn text_of<'a>(document: &'a str, id: &str) -> &'a str {
 
 fn shows() -> Result<(), Failed> {
     with_page(|page| {
-        let document = document("monitor-dom", &format!("http://{page}/"), "class=\"live\"");
+        let document = document(&format!("http://{page}/"), "class=\"live\"");
         // What `--status` prints for this scene is compared with the same numbers in `host/tests/it/monitor`.
         let texts = [
             ("phase", "obtain"),
@@ -198,14 +190,13 @@ fn forgets() -> Result<(), Failed> {
             take(picture_of({ ...three, force: null }));
             document.body.dataset.taken = 'true';";
         let text = get(page, "/").replace("\nlisten();\n", &format!("\nconst three = {status};\n{take}\n"));
-        let folder = folder("monitor-forgets");
-        let file = folder.join("page.html");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("page.html");
         std::fs::write(&file, text).unwrap();
-        let document = document("monitor-file", &format!("file://{}", file.display()), "data-taken=\"true\"");
+        let document = document(&format!("file://{}", file.display()), "data-taken=\"true\"");
         assert!(document.contains("data-rows=\"6: 300.3  −0.5"), "{document}");
         assert_eq!(document.matches("class=\"swatch\"").count(), 3);
         assert_eq!(text_of(&document, "force_text"), "not measured");
-        let _ = std::fs::remove_dir_all(&folder);
     });
     Ok(())
 }
@@ -213,15 +204,14 @@ fn forgets() -> Result<(), Failed> {
 /// The picture is larger than an empty page compresses to: the machine is on it. How it looks is judged by people.
 fn is_painted() -> Result<(), Failed> {
     with_page(|page| {
-        let folder = folder("monitor-picture");
-        let file = folder.join("page.png");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("page.png");
         let began = Instant::now();
         let painted = || std::fs::metadata(&file).map_or(0, |file| file.len());
         while painted() < 60_000 {
             assert!(began.elapsed() < PATIENCE, "{} bytes", painted());
-            browser(&folder, &format!("http://{page}/"), &format!("--screenshot={}", file.display()));
+            browser(folder.path(), &format!("http://{page}/"), &format!("--screenshot={}", file.display()));
         }
-        let _ = std::fs::remove_dir_all(&folder);
     });
     Ok(())
 }

@@ -77,7 +77,7 @@ impl Bench {
         std::fs::write(self.path(), change(&text)).unwrap();
         let refused = self.read().unwrap_err();
         std::fs::write(self.path(), text).unwrap();
-        refused.replace(&format!("{}/", self.folder.0.display()), "")
+        refused.replace(&format!("{}/", self.folder.0.path().display()), "")
     }
 }
 

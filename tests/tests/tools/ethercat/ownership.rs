@@ -31,9 +31,8 @@ fn robot_file(section: &Ethercat) -> String {
 pub(super) fn second_server() {
     let program = program::build();
     connect();
-    let folder = std::env::temp_dir().join(format!("gantry-tau-bus-owner-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o777)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::set_permissions(folder.path(), std::fs::Permissions::from_mode(0o777)).unwrap();
     let serve = |prefix: &[&str], name: &str| {
         let words = [prefix, &[program.to_str().unwrap(), "serve", "--name", name, "--robot", "bus.toml"]].concat();
         let mut command = Command::new(words[0]);
@@ -41,9 +40,9 @@ pub(super) fn second_server() {
         let plant = format!("ethercat:{}", ENDS[0]);
         let output = command
             .args(["--plant", &plant])
-            .env("STATE_DIRECTORY", &folder)
-            .env("HOME", &folder)
-            .current_dir(&folder)
+            .env("STATE_DIRECTORY", folder.path())
+            .env("HOME", folder.path())
+            .current_dir(folder.path())
             .output();
         let output = output.unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
@@ -54,7 +53,7 @@ pub(super) fn second_server() {
     let seconds = Cell::new(0);
     let complaints = short_demo::complaints(RobotFile::builtin_l2().unwrap(), |robot, tool| {
         let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
-        std::fs::write(folder.join("bus.toml"), robot_file(&section)).unwrap();
+        std::fs::write(folder.path().join("bus.toml"), robot_file(&section)).unwrap();
         let bus = emulated_bus::<_, 3, 3>(robot, &section, tool)?;
         let far = FarEnd::start(bus.clone(), None);
         let near = NearEnd { socket: RawSocket::open(ENDS[0]).unwrap(), bus, _far: far };
@@ -80,5 +79,4 @@ pub(super) fn second_server() {
     // It is free again. Nothing answers now.
     let (code, said) = serve(&[], "other-ports");
     assert!(code == Some(1) && said.contains("bus.toml: ethercat: "), "{said}");
-    std::fs::remove_dir_all(folder).unwrap();
 }

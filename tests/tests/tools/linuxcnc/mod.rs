@@ -21,6 +21,8 @@ mod server;
 
 use libtest_mimic::{Failed, Trial};
 
+pub(crate) use server::hal::remove_folder;
+
 use crate::capi::tools::has;
 
 /// A check, without what it needs.

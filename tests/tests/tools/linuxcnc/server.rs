@@ -7,7 +7,7 @@ mod record;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
-use std::fs::{File, Permissions};
+use std::fs::Permissions;
 use std::io::Read;
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::os::unix::fs::PermissionsExt;
@@ -103,7 +103,6 @@ const FUNCTIONS: &str = "addf mux2.0 servo\naddf mux2.1 servo\naddf mux2.2 servo
 /// A running component.
 struct Bench {
     hal: Hal,
-    name: String,
     ports: [u16; 2],
     udp: bool,
 }
@@ -117,7 +116,7 @@ impl Bench {
         let parameters = format!("port={port} sensor_port={sensor_port} epoch_file=epochs {}", parameters.join(" "));
         let hal = Hal::start(name, &setup(&parameters), Some([&path(), FUNCTIONS]));
         assert!(hal.is_ready, "{}", hal.said());
-        let mut bench = Self { hal, name: name.to_owned(), ports, udp: parameters.contains("udp=1") };
+        let mut bench = Self { hal, ports, udp: parameters.contains("udp=1") };
         // While they are off the drives stand at home, and the path does.
         let since = Instant::now();
         while bench.hal.ask("getp gantry-tau.permit") != "TRUE" {
@@ -142,7 +141,7 @@ impl Bench {
     /// Starts a client and waits until its offsets act against a load.
     fn compensate(&mut self) -> Client {
         self.hal.ask("sets wrench-1 0");
-        let client = Client::start(&self.name, self.ports, self.udp);
+        let client = Client::start(self.ports, self.udp);
         self.wait_for("gantry-tau.phase", OBTAIN);
         self.hal.ask("sets wrench-1 100");
         self.pass(300);
@@ -189,8 +188,7 @@ impl Bench {
 struct Client(Child);
 
 impl Client {
-    fn start(name: &str, [port, sensor_port]: [u16; 2], udp: bool) -> Self {
-        let errors = File::create(std::env::temp_dir().join(format!("gantry-tau-{name}-client.err"))).unwrap();
+    fn start([port, sensor_port]: [u16; 2], udp: bool) -> Self {
         let mut command = Command::new(program());
         command.args([
             "client",
@@ -200,7 +198,7 @@ impl Client {
             "--robot",
             "l2",
         ]);
-        command.args(udp.then_some("--udp")).stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
+        command.args(udp.then_some("--udp")).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         Self(command.spawn().unwrap())
     }
 
@@ -332,24 +330,22 @@ fn bad_parameters() {
 
 /// One server at a time owns a counter, be it this component or `serve`.
 fn epochs_in_use(ports: &str) {
-    let folder = std::env::temp_dir().join(format!("gantry-tau-epochs-in-use-{}", std::process::id()));
-    let place = Place::named(&folder.join("epochs"));
+    let folder = tempfile::tempdir().unwrap();
+    let place = Place::named(&folder.path().join("epochs"));
     let owned = State::own(&place, "test").unwrap();
     // LinuxCNC runs as another user.
-    for path in [folder.clone(), folder.join("epochs.lock")] {
+    for path in [folder.path().to_path_buf(), folder.path().join("epochs.lock")] {
         std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
     }
     let parameters = format!("{ports} epoch_file={}", place.epoch_file.display());
     refused("epochs-in-use", &parameters, "epochs: in use by another server");
     assert!(!place.epoch_file.exists());
     drop(owned);
-    std::fs::remove_dir_all(folder).unwrap();
 }
 
 /// Another file that has the name of the lock, or of the counter's second file, is left as it is; a counter that has a lock is another machine's.
 fn names_in_use(ports: &str) {
     const OTHER: &str = "4 of another program\n";
-    let folder = std::env::temp_dir().join(format!("gantry-tau-names-in-use-{}", std::process::id()));
     for (extension, files) in [
         ("lock", &[("epochs.lock", OTHER)][..]),
         ("lock", &[("epochs.lock", "\0")]),
@@ -357,21 +353,21 @@ fn names_in_use(ports: &str) {
         ("new", &[("epochs.new", "\0")]),
         ("new", &[("epochs.new", "17\n"), ("epochs.new.lock", "")]),
     ] {
-        std::fs::create_dir_all(&folder).unwrap();
-        files.iter().for_each(|(name, text)| std::fs::write(folder.join(name), text).unwrap());
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        files.iter().for_each(|(name, text)| std::fs::write(path(name), text).unwrap());
         // LinuxCNC runs as another user.
-        for path in files.iter().map(|(name, _)| folder.join(name)).chain([folder.clone()]) {
+        for path in files.iter().map(|(name, _)| path(name)).chain([folder.path().to_path_buf()]) {
             std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
         }
         refused(
             "names-in-use",
-            &format!("{ports} epoch_file={}", folder.join("epochs").display()),
+            &format!("{ports} epoch_file={}", path("epochs").display()),
             &format!("epochs: a file of this name with .{extension} behind it is another program's; move it away"),
         );
         for (name, text) in files {
-            assert_eq!(std::fs::read_to_string(folder.join(name)).unwrap(), *text);
+            assert_eq!(std::fs::read_to_string(path(name)).unwrap(), *text);
         }
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }
 

@@ -56,9 +56,8 @@ fn python() -> Option<PathBuf> {
 }
 
 fn check(python: &Path) {
-    let folder = std::env::temp_dir().join(format!("gantry-tau-mcap-reader-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let path = |name: &str| folder.join(name);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
     let to = |name: &str| path(name).to_str().unwrap().parse::<RecordTo>().unwrap();
     let robot = RobotFile::builtin_l2().unwrap();
     let (rows, events, recorded) =
@@ -98,5 +97,4 @@ fn check(python: &Path) {
     let saved = read(recovered.path.file_name().unwrap().to_str().unwrap());
     let (saved, all) = (saved.of("axes"), client.of("axes"));
     assert!(saved.len() > all.len() / 4 && saved == &all[..saved.len()], "{} of {}", saved.len(), all.len());
-    std::fs::remove_dir_all(&folder).unwrap();
 }

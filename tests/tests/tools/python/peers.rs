@@ -242,10 +242,10 @@ fn slow_servers() {
 
 /// It begins with a Hello for three.
 fn six_axes() {
-    let folder = std::env::temp_dir().join(format!("gantry-tau-python-six-{}", std::process::id()));
+    let state = tempfile::tempdir().unwrap();
     let mut serve = Command::new(program::build());
     serve.args(["serve", "--robot", "f1", "--pace", "lockstep", "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"]);
-    serve.env("XDG_STATE_HOME", &folder).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+    serve.env("XDG_STATE_HOME", state.path()).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
     let mut server = serve.spawn().unwrap();
     let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
     let listening = lines.find_map(|line| Some(line.unwrap().split_once("listening on ")?.1.to_owned())).unwrap();
@@ -255,7 +255,6 @@ fn six_axes() {
     let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
     server.kill().unwrap();
     server.wait().unwrap();
-    let _ = std::fs::remove_dir_all(&folder);
     let ends =
         [301, 302].map(|states| format!("left with Goodbye after {states} States (0 with a saturated target); "));
     assert!(ends.iter().any(|end| said.starts_with(end)), "{said}");

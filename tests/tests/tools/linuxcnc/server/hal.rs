@@ -13,11 +13,20 @@ use crate::firmware::program;
 /// Modules of LinuxCNC that the tests load beside ours.
 const THEIRS: [&str; 7] = ["hal_lib", "mux2", "threads", "sampler", "streamer", "sum2", "scale"];
 
-/// Folder of what is built. Everybody may read it.
+/// Folder of what is built, for all sessions of this process. Everybody may read it.
 fn folder() -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("gantry-tau-linuxcnc-{}", std::process::id()));
+    let folder = named();
     fs::create_dir_all(&folder).unwrap();
     folder
+}
+
+fn named() -> PathBuf {
+    std::env::temp_dir().join(format!("gantry-tau-linuxcnc-{}", std::process::id()))
+}
+
+/// Removes what was built.
+pub(crate) fn remove_folder() {
+    let _ = fs::remove_dir_all(named());
 }
 
 /// `gantry-tau`, built once.
