@@ -143,7 +143,7 @@ fn serve(folder: &Folder) -> (Running, [String; 3]) {
 fn a_signal_leaves_and_the_table_is_continued() {
     let folder = Folder::new("experiment-live");
     folder.write("plan.toml", PLAN);
-    let (server, addresses) = serve(&folder);
+    let (mut server, addresses) = serve(&folder);
     let [gauges, listen, sensor] = &addresses;
     let arguments = [
         "experiment",
@@ -172,7 +172,7 @@ fn a_signal_leaves_and_the_table_is_continued() {
     let after = folder.read("springs.csv");
     assert!(after.starts_with(&before), "{before}{after}");
     assert_eq!(after.lines().count(), 4);
-    assert!(server.stderr().contains("the client said goodbye"), "{}", server.stderr());
+    server.await_words("the client said goodbye");
     server.stop().success();
 }
 

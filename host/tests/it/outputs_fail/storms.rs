@@ -64,9 +64,10 @@ fn of_sessions_without_a_command_is_counted_and_the_next_owner_is_told() {
     (0..30).for_each(|_| hello(&bench));
     let owner = bench.client(&mut binary(), Streams::default());
     bench.await_an_offset();
-    let log = server.stderr();
-    let (_, after) = log.rsplit_once("session granted (epoch ").unwrap();
-    assert!(after.contains("Handshake -> Submit"), "{log}");
+    bench.await_that("the owner's own lines", || {
+        let log = server.stderr();
+        log.rsplit_once("session granted (epoch ").is_some_and(|(_, after)| after.contains("Handshake -> Submit"))
+    });
     server.signal("-INT");
     server.await_words("session ended (epoch ");
     server.end().success();

@@ -10,6 +10,9 @@ use super::super::record::{FAULT, LISTENING};
 use super::super::run::{Machine, ONE};
 use crate::firmware::program;
 
+/// Line of the component where LinuxCNC called it much too late.
+pub(super) const LATE: &str = "the thread was late by more than 250 periods";
+
 /// `gantry-tau`, built once.
 pub(super) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
@@ -72,6 +75,7 @@ impl Session {
     pub(super) fn ask(&mut self, command: &str) -> String {
         writeln!(self.commands.as_mut().unwrap(), "{command}").unwrap();
         let answer = self.answer().unwrap_or_else(|| panic!("{command}: {}", self.said));
+        assert!(!self.said.contains(LATE), "{command}: {}", self.said);
         assert!(!answer.starts_with("failed"), "{command}: {answer} {}", self.said);
         answer
     }
