@@ -13,10 +13,11 @@
 use std::fmt;
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::{Compliances, LINKS};
+use gantry_tau_core::model::robot::LINKS;
 use nalgebra::{Matrix6, Matrix6x3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::backlash::Backlash;
+use super::compliances::RawCompliances;
 use super::joints::{Joint, joint};
 
 /// The search ends when no step is larger than this, in metres and in radians.
@@ -84,7 +85,7 @@ impl std::error::Error for ElasticError {}
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElasticMachine<const N: usize> {
     geometry: f1::Geometry,
-    compliances: Compliances<N>,
+    compliances: RawCompliances<N>,
     backlash: Backlash,
 }
 
@@ -111,13 +112,13 @@ impl<const N: usize> Equilibrium<N> {
 impl<const N: usize> ElasticMachine<N> {
     /// Creates a machine with its *true* compliances.
     #[must_use]
-    pub const fn new(geometry: f1::Geometry, compliances: Compliances<N>, backlash: Backlash) -> Self {
-        Self { geometry, compliances, backlash }
+    pub fn new(geometry: f1::Geometry, compliances: impl Into<RawCompliances<N>>, backlash: Backlash) -> Self {
+        Self { geometry, compliances: compliances.into(), backlash }
     }
 
     /// Returns the true compliances.
     #[must_use]
-    pub const fn compliances(&self) -> &Compliances<N> {
+    pub const fn compliances(&self) -> &RawCompliances<N> {
         &self.compliances
     }
 
@@ -193,7 +194,7 @@ impl<const N: usize> ElasticMachine<N> {
 
     /// Returns the axes behind their springs: `q_i + c_i tau_i`, q-units.
     fn displaced(&self, motors: &SVector<f64, N>, axis_loads: &SVector<f64, N>) -> SVector<f64, N> {
-        motors + SVector::from(*self.compliances.cart_m_per_n()).component_mul(axis_loads)
+        motors + SVector::from(self.compliances.axes).component_mul(axis_loads)
     }
 
     /// Returns the vector from platform joint to cart joint of one link (metres), and the latter.
@@ -231,7 +232,7 @@ impl<const N: usize> ElasticMachine<N> {
         let axes = self.displaced(motors, axis_loads);
         let play_m = self.backlash.elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
         Vector6::from_fn(|link, _| {
-            let spring_m = self.compliances.link_m_per_n()[link] * tensions_n[link];
+            let spring_m = self.compliances.links_m_per_n[link] * tensions_n[link];
             let joint_m = if link >= CLUSTER_3 { play_m } else { 0.0 };
             let length_m = self.geometry.lengths_m[link];
             self.link(link, &axes, pose).0.norm() - (length_m + spring_m + joint_m)
@@ -360,11 +361,11 @@ mod tests {
         for link in 0..LINKS {
             let length = machine.geometry.lengths_m[link];
             let elongation = machine.link(link, carts, pose).0.norm() - length;
-            energy += elongation * elongation / (2.0 * compliances.link_m_per_n()[link]);
+            energy += elongation * elongation / (2.0 * compliances.links_m_per_n[link]);
         }
         for arm in 0..ARMS {
             let shift = carts[arm] - motors[arm];
-            energy += shift * shift / (2.0 * compliances.cart_m_per_n()[arm]);
+            energy += shift * shift / (2.0 * compliances.axes[arm]);
         }
         energy
     }
@@ -493,7 +494,7 @@ mod tests {
             pushes[axis] = 700.0;
             let pushed = machine.pushed_equilibrium(&case.q, &Vector6::zeros(), &pushes, &start).unwrap();
             let mut moved = case.q;
-            moved[axis] += 700.0 * machine.compliances().cart_m_per_n()[axis];
+            moved[axis] += 700.0 * machine.compliances().axes[axis];
             let expected = machine.equilibrium(&moved, &Vector6::zeros(), &start).unwrap();
             assert!((pushed.pose.translation_m - expected.pose.translation_m).amax() < 1e-11, "axis {axis}");
             assert!(pushed.tensions_n.amax() < 1e-9 && (pushed.axis_loads - pushes).amax() < 1e-9);

@@ -7,6 +7,7 @@
 //! | [`machine`] | platform, links, axes as springs: pose under load `[T 3.3]` |
 //! | [`joints`] | carts and plates: joints of the links, and their motion by the axes `[T 3.1]` |
 //! | [`backlash`] | the jump near 360 N `[T 5.2.2, 6.1]` |
+//! | [`compliances`] | compliances of any sign, as an estimate has them |
 #![expect(clippy::indexing_slicing, reason = "off the reference path: floats cannot panic, arrays have fixed lengths")]
 #![cfg_attr(
     test,
@@ -18,7 +19,9 @@
 )]
 
 pub mod backlash;
+pub mod compliances;
 pub mod joints;
 pub mod machine;
 
+pub use compliances::RawCompliances;
 pub use machine::{ElasticError, ElasticMachine, Equilibrium, Pose, Transmission};

@@ -6,13 +6,16 @@ use std::fmt;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::least_squares::{Direction, Seen};
+use super::held::Held;
+use super::least_squares::{Direction, Rows, Seen, WEAK};
 use super::statistics::NORMAL_95;
 
 /// Smallest component of a direction in an answer: less is rounding.
 const LEAST: f64 = 1e-9;
 /// Smallest component of a direction that is told people.
 const NAMED: f64 = 0.01;
+/// Share of a parameter's own deviation that what is not seen may add, without the parameter depending on it.
+const LEAST_DEPENDENCE: f64 = 0.1;
 
 /// One parameter with its interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -23,12 +26,12 @@ pub struct Parameter {
     pub value: f64,
     /// Unit of value, deviation and interval.
     pub unit: &'static str,
-    /// Standard deviation.
+    /// Standard deviation; 0 of a value that is kept.
     pub sd: f64,
-    /// Lower end of the central 95 % interval.
-    pub low95: f64,
+    /// Lower end of the central 95 % interval; none (null) of a value that is kept.
+    pub low95: Option<f64>,
     /// Upper end.
-    pub high95: f64,
+    pub high95: Option<f64>,
     /// Status of it by the measurements.
     pub status: Status,
 }
@@ -41,7 +44,9 @@ pub enum Status {
     Identified,
     /// Known to one digit at most.
     Weak,
-    /// Not seen: the value of the robot file.
+    /// Known as well as the robot file knows what is not seen: its interval includes that.
+    Depends,
+    /// Not seen: the value of the robot file, to the bit.
     Kept,
 }
 
@@ -66,16 +71,95 @@ impl Parameter {
         let parameter = |(index, (name, unit)): (usize, &(String, &'static str))| {
             let (value, sd) = (values[index], covariance[(index, index)].max(0.0).sqrt());
             let mut parameter =
-                Self { name: name.clone(), value, unit, sd, low95: value, high95: value, status: status(index) };
-            parameter.set_reach(NORMAL_95);
+                Self { name: name.clone(), value, unit, sd, low95: None, high95: None, status: status(index) };
+            parameter.set_interval([value - NORMAL_95 * sd, value + NORMAL_95 * sd]);
             parameter
         };
         names.iter().enumerate().map(parameter).collect()
     }
 
-    /// Sets the interval to so many standard deviations on either side.
-    pub fn set_reach(&mut self, deviations: f64) {
-        (self.low95, self.high95) = (self.value - deviations * self.sd, self.value + deviations * self.sd);
+    /// Central 95 % interval; none of a value that is kept.
+    #[must_use]
+    pub fn interval(&self) -> Option<[f64; 2]> {
+        Some([self.low95?, self.high95?])
+    }
+
+    /// Sets the interval of a value that is not kept.
+    pub fn set_interval(&mut self, [low, high]: [f64; 2]) {
+        if self.status != Status::Kept {
+            (self.low95, self.high95) = (Some(low), Some(high));
+        }
+    }
+}
+
+/// Uncertainty of the parameters of a fit: that of what is seen, and that of what is not, which others follow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Uncertainty {
+    held: Held,
+    scales: DVector<f64>,
+    /// Covariance with what is held as it is.
+    own: DMatrix<f64>,
+    /// Changes by one standard deviation of what is held, a column per direction.
+    following: DMatrix<f64>,
+}
+
+impl Uncertainty {
+    /// Uncertainty where what is held has a standard deviation of one scale.
+    #[must_use]
+    pub fn new(rows: &Rows, seen: &Seen, held: &Held) -> Self {
+        let following = DMatrix::from_diagonal(seen.scales()) * held.following(rows, seen);
+        Self { held: held.clone(), scales: seen.scales().clone(), own: seen.covariance(), following }
+    }
+
+    /// The same with another factor of the covariance of what is held, in scales: a row per direction.
+    #[must_use]
+    pub fn with_prior(self, factor: &DMatrix<f64>) -> Self {
+        Self { following: self.following * factor, ..self }
+    }
+
+    /// The same with noise of another variance, in stated ones.
+    #[must_use]
+    pub fn scaled(self, variance: f64) -> Self {
+        Self { own: self.own * variance, ..self }
+    }
+
+    /// Variance of a parameter by what is not seen.
+    #[must_use]
+    pub fn of_unseen(&self, parameter: usize) -> f64 {
+        if self.held.is_kept(parameter) { 0.0 } else { self.following.row(parameter).norm_squared() }
+    }
+
+    /// Variance of a parameter by what is seen.
+    #[must_use]
+    pub fn of_seen(&self, parameter: usize) -> f64 {
+        self.own[(parameter, parameter)].max(0.0)
+    }
+
+    /// Covariance of the parameters, that of what is not seen included.
+    #[must_use]
+    pub fn whole_covariance(&self) -> DMatrix<f64> {
+        &self.own + &self.following * self.following.transpose()
+    }
+
+    /// Covariance of the parameters; none of those that are kept.
+    #[must_use]
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let mut covariance = self.whole_covariance();
+        for kept in self.held.kept() {
+            covariance.row_mut(*kept).fill(0.0);
+            covariance.column_mut(*kept).fill(0.0);
+        }
+        covariance
+    }
+
+    /// Status of a parameter.
+    #[must_use]
+    pub fn status(&self, parameter: usize) -> Status {
+        if self.held.is_kept(parameter) {
+            return Status::Kept;
+        }
+        let [seen, unseen] = [self.of_seen(parameter), self.of_unseen(parameter)].map(f64::sqrt);
+        Status::of(seen, unseen, self.scales[parameter])
     }
 }
 
@@ -111,19 +195,17 @@ impl Status {
         match self {
             Self::Identified => "identified",
             Self::Weak => "weak",
+            Self::Depends => "depends",
             Self::Kept => "kept",
         }
     }
 
-    /// Of one parameter of a fit: kept, where more than half of its axis lies in lost directions, weak, where it does in weak ones.
+    /// Status of a value that is not kept, with these standard deviations by what is seen and by what is not, where `scale` would matter.
     #[must_use]
-    pub fn of(seen: &Seen, parameter: usize) -> Self {
-        let share = |directions: &[Direction]| -> f64 {
-            directions.iter().map(|direction| direction.components[parameter].powi(2)).sum()
-        };
-        if share(&seen.lost()) > 0.5 {
-            Self::Kept
-        } else if share(&seen.weak()) > 0.5 {
+    pub fn of(seen: f64, unseen: f64, scale: f64) -> Self {
+        if unseen > LEAST_DEPENDENCE * seen {
+            Self::Depends
+        } else if seen > WEAK * scale {
             Self::Weak
         } else {
             Self::Identified

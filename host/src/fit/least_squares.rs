@@ -1,10 +1,11 @@
 //! Damped Gauss-Newton (Levenberg and Marquardt) on whitened rows, without the directions that the rows cannot see.
 //!
 //! A round solves `J y = r` in scaled parameters `y` through the singular values of `J`. A direction whose standard deviation is above its
-//! scale is *lost*: no step has a component along it, so that the start's value stays. There is no other regularisation.
+//! scale is *lost*: no step has a component along it ([`Held`]), so that the start's value stays. There is no other regularisation.
 
 use nalgebra::{DMatrix, DVector};
 
+use super::held::Held;
 use super::statistics::float;
 use super::svd::Svd;
 
@@ -16,6 +17,8 @@ pub const CONVERGED_SD: f64 = 1e-6;
 pub const WEAK: f64 = 0.1;
 /// Relative standard deviation above which a direction is lost.
 pub const LOST: f64 = 1.0;
+/// Relative standard deviation above which a direction that is not held is rounding, and is not stepped along either.
+const SINGULAR: f64 = 1e4;
 
 /// Damping of the first step, in squares of the largest singular value, and damping at which no step is left.
 const FIRST_DAMPING: f64 = 1e-6;
@@ -115,8 +118,10 @@ pub struct Fit<S> {
     pub state: S,
     /// Rows there.
     pub rows: Rows,
-    /// Decomposition of the derivatives, in scaled parameters.
+    /// Decomposition of the derivatives, in scaled parameters, but for what is held.
     pub seen: Seen,
+    /// Directions that are not seen there, along which the start's values stay.
+    pub held: Held,
     /// Rounds that it took.
     pub rounds: u32,
 }
@@ -148,6 +153,8 @@ pub struct Seen {
     scales: DVector<f64>,
     /// Shares of the residuals along the images, per singular value.
     shares: DVector<f64>,
+    /// Number of directions that are not lost, the first ones.
+    kept: usize,
 }
 
 /// A combination of parameters, in scales.
@@ -160,9 +167,24 @@ pub struct Direction {
 }
 
 impl Seen {
-    /// Decomposes rows, with the parameters in these scales.
+    /// Decomposes rows, with the parameters in these scales. Directions with a relative standard deviation above [`LOST`] are lost.
     #[must_use]
     pub fn new(rows: &Rows, scales: &DVector<f64>) -> Self {
+        let mut seen = Self::whole(rows, scales);
+        seen.kept = seen.svd.values.iter().filter(|value| 1.0 / **value <= LOST).count();
+        seen
+    }
+
+    /// Decomposes rows that do not see what is `held`, and nothing else is lost.
+    #[must_use]
+    pub fn holding(rows: &Rows, scales: &DVector<f64>, held: &Held) -> Self {
+        let mut seen = Self::whole(&held.blinded(rows, scales), scales);
+        let shown = seen.svd.values.iter().filter(|value| 1.0 / **value <= SINGULAR).count();
+        seen.kept = scales.len().saturating_sub(held.count()).min(shown);
+        seen
+    }
+
+    fn whole(rows: &Rows, scales: &DVector<f64>) -> Self {
         let mut scaled = rows.derivatives.clone();
         for (mut column, scale) in scaled.column_iter_mut().zip(scales) {
             column *= *scale;
@@ -178,7 +200,8 @@ impl Seen {
             svd.values.len(),
             svd.values.iter().zip(svd.images.column_iter()).map(|(value, image)| image.dot(&explained) / value),
         );
-        Self { svd, scales: scales.clone(), shares }
+        let kept = svd.values.len();
+        Self { svd, scales: scales.clone(), shares, kept }
     }
 
     /// Singular values of the rows in scaled parameters, the largest first.
@@ -194,37 +217,40 @@ impl Seen {
 
     /// Number of directions that are not lost.
     #[must_use]
-    pub fn kept(&self) -> usize {
-        self.svd.values.iter().filter(|value| 1.0 / **value <= LOST).count()
-    }
-
-    /// Directions with a relative standard deviation from `above` to `below`, the worst first.
-    fn directions(&self, above: f64, below: f64) -> Vec<Direction> {
-        let pairs = self.svd.values.iter().zip(self.svd.directions.column_iter());
-        let mut found: Vec<Direction> = pairs
-            .map(|(value, direction)| Direction { relative_sd: 1.0 / value, components: direction.into_owned() })
-            .filter(|direction| direction.relative_sd > above && direction.relative_sd <= below)
-            .collect();
-        found.reverse();
-        found
+    pub const fn kept(&self) -> usize {
+        self.kept
     }
 
     /// All directions, the worst first.
     #[must_use]
     pub fn all(&self) -> Vec<Direction> {
-        self.directions(0.0, f64::INFINITY)
+        let pairs = self.svd.values.iter().zip(self.svd.directions.column_iter());
+        let mut found: Vec<Direction> = pairs
+            .map(|(value, direction)| Direction { relative_sd: 1.0 / value, components: direction.into_owned() })
+            .collect();
+        found.reverse();
+        found
     }
 
     /// Directions that cannot be seen.
     #[must_use]
     pub fn lost(&self) -> Vec<Direction> {
-        self.directions(LOST, f64::INFINITY)
+        let mut found = self.all();
+        found.truncate(found.len() - self.kept);
+        found
+    }
+
+    /// Directions that cannot be seen, orthonormal columns in scales.
+    #[must_use]
+    pub fn lost_directions(&self) -> DMatrix<f64> {
+        self.svd.directions.columns_range(self.kept..).into_owned()
     }
 
     /// Directions that are seen badly.
     #[must_use]
     pub fn weak(&self) -> Vec<Direction> {
-        self.directions(WEAK, LOST)
+        let found = self.all();
+        found[found.len() - self.kept..].iter().filter(|direction| direction.relative_sd > WEAK).cloned().collect()
     }
 
     /// Covariance of the parameters along the directions that are seen.
@@ -247,12 +273,6 @@ impl Seen {
         half
     }
 
-    /// Share of a parameter's variance that lies in lost directions, 0 to 1: how much of the parameter's axis they take.
-    #[must_use]
-    pub fn lost_share(&self, parameter: usize) -> f64 {
-        self.lost().iter().map(|direction| direction.components[parameter].powi(2)).sum()
-    }
-
     /// Length of the whole step, in standard deviations.
     pub(crate) fn step_sd(&self) -> f64 {
         self.shares.rows(0, self.kept()).norm()
@@ -268,6 +288,21 @@ impl Seen {
                 share * share * (1.0 - left * left)
             })
             .sum()
+    }
+
+    /// Gradient of half of chi-squared of other rows, downwards, along the directions that are seen, in standard deviations.
+    fn score(&self, rows: &Rows) -> DVector<f64> {
+        self.half_covariance().tr_mul(&rows.derivatives.tr_mul(&rows.residuals))
+    }
+
+    /// Step of the parameters towards the minimum of chi-squared of other rows, where these say how it bends (Fisher's scoring).
+    pub(crate) fn scored_step(&self, rows: &Rows) -> DVector<f64> {
+        self.half_covariance() * self.score(rows)
+    }
+
+    /// Length of that step, in standard deviations.
+    pub(crate) fn scored_step_sd(&self, rows: &Rows) -> f64 {
+        self.score(rows).norm()
     }
 
     /// Step of the parameters, damped.
@@ -287,7 +322,7 @@ impl Seen {
 ///
 /// # Errors
 /// [`FitError`].
-pub fn fit<S, E>(
+pub fn fit<S: Clone, E>(
     start: S,
     scales: &DVector<f64>,
     mut evaluate: impl FnMut(&S) -> Result<Rows, E>,
@@ -300,8 +335,35 @@ pub fn fit<S, E>(
     if rows.degrees() < scales.len() {
         return Err(FitError::TooFew { readings: rows.degrees(), parameters: scales.len() });
     }
-    let seen = Seen::new(&rows, scales);
-    let mut best = Fit { state: start, rows, seen, rounds: 0 };
+    let mut held = Held::of(&Seen::new(&rows, scales).lost_directions());
+    let mut decisions = 0;
+    loop {
+        let begun = Fit {
+            state: start.clone(),
+            rows: rows.clone(),
+            seen: Seen::holding(&rows, scales, &held),
+            held: held.clone(),
+            rounds: 0,
+        };
+        let fit = fit_holding(begun, scales, &mut evaluate, &moved)?;
+        let lost = Seen::new(&fit.rows, scales).lost_directions();
+        let next = held.decided(&lost, decisions);
+        if next.agrees(&held) {
+            return Ok(fit);
+        }
+        held = next;
+        decisions += 1;
+    }
+}
+
+/// Fits a state with what it holds.
+fn fit_holding<S, E>(
+    begun: Fit<S>,
+    scales: &DVector<f64>,
+    mut evaluate: impl FnMut(&S) -> Result<Rows, E>,
+    moved: impl Fn(&S, &DVector<f64>) -> S,
+) -> Result<Fit<S>, FitError<E>> {
+    let mut best = begun;
     let (mut damping, mut growth) = (FIRST_DAMPING, GROWTH);
     while best.rounds < MAX_ROUNDS && damping < MOST_DAMPING {
         if best.seen.step_sd() < CONVERGED_SD {
@@ -317,8 +379,8 @@ pub fn fit<S, E>(
                 let ratio = gained(&rows) / best.seen.promised(damping);
                 damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(LEAST_DECREASE, GROWTH);
                 growth = GROWTH;
-                let seen = Seen::new(&rows, scales);
-                best = Fit { state, rows, seen, rounds: best.rounds };
+                let seen = Seen::holding(&rows, scales, &best.held);
+                best = Fit { state, rows, seen, ..best };
             }
             None => {
                 damping *= growth;
@@ -435,10 +497,10 @@ mod tests {
         };
         let fit = fit([1.0, 3.0], &DVector::repeat(2, 1.0), evaluate, moved).unwrap();
         assert!((fit.state[0] - 4.0).abs() < 1e-12 && (fit.state[1] - 6.0).abs() < 1e-12, "the difference stays");
-        let lost = fit.seen.lost();
+        let lost = Seen::new(&fit.rows, &DVector::repeat(2, 1.0)).lost();
         assert_eq!((lost.len(), fit.degrees()), (1, 4));
         assert!((lost[0].components[0] + lost[0].components[1]).abs() < 1e-12);
-        assert!((fit.seen.lost_share(0) - 0.5).abs() < 1e-12);
+        assert!(fit.held.kept().is_empty() && fit.held.count() == 1);
     }
 
     #[test]

@@ -104,8 +104,8 @@ fn polished<M: Model>(model: &M, fit: Fit<M::State>, used: &[usize]) -> Fit<M::S
     let state = M::stepped(&fit.state, &fit.seen.step(0.0));
     match model.rows(&state, used) {
         Ok(rows) if rows.chi_squared() <= fit.chi_squared() => {
-            let seen = Seen::new(&rows, &model.scales(&state));
-            Fit { state, rows, seen, rounds: fit.rounds + 1 }
+            let seen = Seen::holding(&rows, &model.scales(&state), &fit.held);
+            Fit { state, rows, seen, held: fit.held, rounds: fit.rounds + 1 }
         }
         _ => fit,
     }

@@ -105,7 +105,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
 
     fn springs_for(&self, purpose: &str) -> Result<Springs<N>, RobotFileError> {
         let machine = *self.compliances_for(purpose)?;
-        Ok(Springs { machine, wrist: Wrist::new(&self.wrist) })
+        Ok(Springs { machine: machine.into(), wrist: Wrist::new(&self.wrist) })
     }
 
     /// The compliances, where `purpose` needs them.

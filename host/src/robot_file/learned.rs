@@ -48,10 +48,14 @@ pub struct Identified {
     pub chi2: f64,
     /// Degrees of freedom.
     pub dof: usize,
-    /// Standard deviations of the compliances: links, axes, joints of the wrist; in the units of their keys.
+    /// Standard deviations of the compliances: links, axes, joints of the wrist; in the units of their keys. What the measurements do not see has
+    /// the one that it had before; without one, all of its value.
     pub sd: Vec<f64>,
     /// Their covariance, by rows.
     pub covariance: Vec<Vec<f64>>,
+    /// Compliances that say what is seen: those of the first robot file. Absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub relative_to: Vec<f64>,
 }
 
 /// `[play]`: the play of the joint of cluster 3. Compensation does not use it.

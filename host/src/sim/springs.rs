@@ -95,7 +95,9 @@ pub(crate) fn deviated<const N: usize>(
 ) -> Result<Springs<N>, RobotError> {
     let deviation = simulation.spring_deviation;
     let mut random = ChaCha8Rng::seed_from_u64(simulation.seed);
-    nominal.with(&nominal.vector().map(|value| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0))))
+    let deviated =
+        nominal.with(&nominal.vector().map(|value| value * (1.0 + deviation * (2.0 * random.random::<f64>() - 1.0))));
+    deviated.machine.checked().map(|_| deviated)
 }
 
 /// Returns the backlash whose preload at rest is cancelled at home by `force_n` in x.
@@ -127,10 +129,10 @@ pub(crate) fn preload_n<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::elastic::RawCompliances;
     use crate::sim::fixture::{self, Vectors};
-    use gantry_tau_core::model::robot::Compliances;
 
-    fn springs(seed: u64, spring_deviation: f64) -> Compliances<3> {
+    fn springs(seed: u64, spring_deviation: f64) -> RawCompliances<3> {
         let mut parameters = fixture::parameters();
         (parameters.simulation.seed, parameters.simulation.spring_deviation) = (seed, spring_deviation);
         let l2 = Vectors::l2();
@@ -139,14 +141,14 @@ mod tests {
 
     #[test]
     fn they_deviate_within_bounds_and_by_seed() {
-        let nominal = Vectors::l2().compliances;
+        let nominal = RawCompliances::from(Vectors::l2().compliances);
         assert_eq!(springs(1, 0.15), springs(1, 0.15));
         assert_ne!(springs(1, 0.15), springs(2, 0.15));
         assert_eq!(springs(1, 0.0), nominal);
         for seed in 0..200 {
             let found = springs(seed, 0.15);
-            let links = found.link_m_per_n().iter().zip(nominal.link_m_per_n());
-            let carts = found.cart_m_per_n().iter().zip(nominal.cart_m_per_n());
+            let links = found.links_m_per_n.iter().zip(&nominal.links_m_per_n);
+            let carts = found.axes.iter().zip(&nominal.axes);
             for (true_value, value) in links.chain(carts) {
                 assert!((true_value / value - 1.0).abs() <= 0.15 + 1e-12);
             }

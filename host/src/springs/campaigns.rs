@@ -9,7 +9,6 @@ use rand_distr::{Distribution, StandardNormal};
 use super::compliances::Springs;
 use super::lines::Question;
 use super::loaded::Loaded;
-use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::measurements::springs::{Campaign, Noise, SeriesEntry, SetupNoise, Window};
@@ -106,18 +105,13 @@ impl<const N: usize> Bench<N> {
     }
 
     pub(super) fn question(&self) -> Question<'_, N> {
-        Question {
-            geometry: &self.geometry,
-            file: &self.file,
-            campaign: &self.campaign,
-            setup: SetupConstants::of(&self.campaign),
-        }
+        Question::new(&self.geometry, &self.file, &self.campaign)
     }
 
     /// The file's compliances, each up to 30 % off.
     pub(super) fn true_springs(&self, random: &mut ChaCha8Rng) -> Springs<N> {
         let off = self.file.vector().map(|value| value * (1.0 + random.random_range(-0.3..0.3)));
-        self.file.with(&off).unwrap()
+        self.file.with(&off)
     }
 
     /// Turns the joints of the wrist by these angles (rad) in every second series.

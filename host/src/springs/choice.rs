@@ -1,8 +1,7 @@
 //! Readings that a fit uses, and unknowns that it has besides the springs.
 
-use nalgebra::DMatrix;
-
 use super::beyond::Beyond;
+use crate::fit::held::Held;
 use crate::measurements::springs::Campaign;
 
 /// Readings that a fit uses, and unknowns that it has besides the springs.
@@ -20,8 +19,8 @@ pub(crate) struct Choice {
     pub(crate) hysteresis: Vec<usize>,
     /// A drift of each gauge in each series is fitted.
     pub(crate) has_drift: bool,
-    /// Directions that no step goes along: orthonormal columns, in changes of the parameters that would matter.
-    pub(crate) held: Option<DMatrix<f64>>,
+    /// Directions that no step goes along, of the springs and perhaps of what is fitted besides; `None`: those that are lost where a step begins.
+    pub(crate) held: Option<Held>,
 }
 
 /// A gauge that stays shifted from a window of its series on: it has another zero from there.

@@ -1,9 +1,10 @@
 //! Compliances of a machine and its wrist, as one vector of parameters.
 
 use gantry_tau_core::model::l2::AXES;
-use gantry_tau_core::model::robot::{Compliances, LINKS, RobotError};
+use gantry_tau_core::model::robot::{Compliances, LINKS};
 use nalgebra::DVector;
 
+use crate::elastic::RawCompliances;
 use crate::model::{MachineKind, Wrist};
 use crate::robot_file::RobotFile;
 
@@ -11,7 +12,7 @@ use crate::robot_file::RobotFile;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Springs<const N: usize> {
     /// Links and axes.
-    pub machine: Compliances<N>,
+    pub machine: RawCompliances<N>,
     /// Joints between platform and tool.
     pub wrist: Wrist,
 }
@@ -20,13 +21,13 @@ impl<const N: usize> Springs<N> {
     /// Springs of a robot file; `None` without compliances.
     #[must_use]
     pub fn of<K: MachineKind<N>>(robot: &RobotFile<K, N>) -> Option<Self> {
-        Some(Self { machine: robot.compliances?, wrist: Wrist::new(&robot.wrist) })
+        Some(Self { machine: robot.compliances?.into(), wrist: Wrist::new(&robot.wrist) })
     }
 
     /// Springs of a machine whose tool is fixed to the platform.
     #[must_use]
     pub fn rigid_wrist(machine: Compliances<N>) -> Self {
-        Self { machine, wrist: Wrist::default() }
+        Self { machine: machine.into(), wrist: Wrist::default() }
     }
 
     /// Number of springs.
@@ -46,18 +47,16 @@ impl<const N: usize> Springs<N> {
     /// Compliances of links, axes, joints of the wrist, in the units of their keys.
     #[must_use]
     pub fn vector(&self) -> DVector<f64> {
-        let machine = self.machine.link_m_per_n().iter().chain(self.machine.cart_m_per_n()).copied();
+        let machine = self.machine.links_m_per_n.iter().chain(&self.machine.axes).copied();
         DVector::from_iterator(self.count(), machine.chain(self.wrist.compliances()))
     }
 
     /// The same machine with the compliances of a vector, in the order of [`vector`](Self::vector).
-    ///
-    /// # Errors
-    /// A compliance leaves its range.
-    pub fn with(&self, vector: &DVector<f64>) -> Result<Self, RobotError> {
-        let links = std::array::from_fn(|link| vector[link]);
-        let machine = Compliances::new(links, std::array::from_fn(|axis| vector[LINKS + axis]))?;
-        Ok(Self { machine, wrist: self.wrist.with_compliances(vector.iter().skip(LINKS + N).copied()) })
+    #[must_use]
+    pub fn with(&self, vector: &DVector<f64>) -> Self {
+        let links_m_per_n = std::array::from_fn(|link| vector[link]);
+        let machine = RawCompliances { links_m_per_n, axes: std::array::from_fn(|axis| vector[LINKS + axis]) };
+        Self { machine, wrist: self.wrist.with_compliances(vector.iter().skip(LINKS + N).copied()) }
     }
 }
 

@@ -92,7 +92,7 @@ impl Gauge {
             Self::Axis { axis, metres_per_q } => {
                 let mut push = SVector::zeros();
                 push[axis] = metres_per_q;
-                let length_m = metres_per_q * at.machine.compliances().cart_m_per_n()[axis] * at.now.axis_loads[axis];
+                let length_m = metres_per_q * at.machine.compliances().axes[axis] * at.now.axis_loads[axis];
                 Reading { length_m, body: Body::Platform, load: Vector6::zeros(), push }
             }
         }
@@ -105,8 +105,8 @@ impl<const N: usize> Reading<N> {
     pub fn derivatives(&self, at: &Loaded<N>, through: &Transmission<N>) -> Derivatives<N> {
         let tensions = through.tensions_n(&self.load);
         let loads = through.axis_loads(&tensions, &self.push);
-        let links = Vector6::from(*at.machine.compliances().link_m_per_n());
-        let axes = SVector::from(*at.machine.compliances().cart_m_per_n());
+        let links = Vector6::from(at.machine.compliances().links_m_per_n);
+        let axes = SVector::from(at.machine.compliances().axes);
         let (stretch, shift) = (links.component_mul(&tensions), axes.component_mul(&loads));
         let joints = at.wrist_lines();
         // Moments about the joints under the virtual load: none if it acts before them.
@@ -122,11 +122,27 @@ impl<const N: usize> Reading<N> {
             let unit = through.tensions_n(&Vector6::ith(component, 1.0));
             stretch.dot(&unit) + shift.dot(&through.axis_loads(&unit, &SVector::zeros())) + given[component]
         });
-        let links = tensions.component_mul(&at.now.tensions_n);
-        let axes = loads.component_mul(&at.now.axis_loads);
-        let wrist = joints.iter().zip(moments).map(|(line, nu)| nu * line.dot(&at.load));
-        let springs: Vec<f64> = links.iter().chain(axes.iter()).copied().chain(wrist).collect();
-        Derivatives { springs: DVector::from_vec(springs), load, pushes: shift, lengths: tensions }
+        let springs = self.by_springs(at, through, [&at.now.tensions_n, &at.load], &at.now.axis_loads);
+        Derivatives { springs, load, pushes: shift, lengths: tensions }
+    }
+
+    /// Returns the derivatives of the reading by the compliances where a load makes these tensions and loads of the axes.
+    #[must_use]
+    pub fn by_springs(
+        &self,
+        at: &Loaded<N>,
+        through: &Transmission<N>,
+        [tensions_n, load]: [&Vector6<f64>; 2],
+        axis_loads: &SVector<f64, N>,
+    ) -> DVector<f64> {
+        let tensions = through.tensions_n(&self.load);
+        let links = tensions.component_mul(tensions_n);
+        let axes = through.axis_loads(&tensions, &self.push).component_mul(axis_loads);
+        let of_wrist =
+            |line: &Vector6<f64>| if self.body == Body::Tool { line.dot(&self.load) * line.dot(load) } else { 0.0 };
+        let lines = at.wrist_lines();
+        let wrist = lines.iter().map(of_wrist);
+        DVector::from_iterator(LINKS + N + lines.len(), links.iter().chain(axes.iter()).copied().chain(wrist))
     }
 }
 
@@ -202,7 +218,7 @@ mod tests {
             let changed = [-0.01, 0.01].map(|by| {
                 let mut values = values.clone();
                 values[spring] *= 1.0 + by;
-                readings(vectors, &springs.with(&values).unwrap(), &load())
+                readings(vectors, &springs.with(&values), &load())
             });
             let analytic = found.iter().map(|derivatives| derivatives.springs[spring]).collect();
             column("spring", analytic, changed, 0.01 * values[spring]);

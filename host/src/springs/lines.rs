@@ -5,14 +5,19 @@ use gantry_tau_core::model::robot::LINKS;
 use nalgebra::{DMatrix, DVector, Matrix6, SVector, UnitQuaternion, Vector6};
 
 use super::beyond::{CLUSTER_3, longer};
+use super::blocks::Eliminated;
+use super::choice::Choice;
 use super::compliances::Springs;
 use super::gauge::Gauge;
 use super::loaded::Loaded;
 use super::setup::SetupConstants;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose, Transmission};
+use crate::fit::statistics::float;
+use crate::fit::svd::Svd;
 use crate::measurements::springs::{Campaign, Window};
 use crate::model::Wrist;
+use crate::robot_file::Identified;
 
 /// A campaign, and the machine that it was made on.
 #[derive(Clone)]
@@ -22,6 +27,10 @@ pub(crate) struct Question<'a, const N: usize> {
     pub(crate) file: &'a Springs<N>,
     pub(crate) campaign: &'a Campaign<N>,
     pub(crate) setup: SetupConstants,
+    /// Compliances that changes are relative to.
+    pub(crate) relative_to: DVector<f64>,
+    /// Covariance of the file's compliances, in those: of what the campaign does not show.
+    pub(crate) prior: DMatrix<f64>,
 }
 
 /// Unknowns of a fit.
@@ -32,6 +41,8 @@ pub(crate) struct State<const N: usize> {
     pub(crate) elongation_m: f64,
     /// Further parameters of the links there, by [`Beyond`](super::beyond::Beyond).
     pub(crate) beyond: DVector<f64>,
+    /// Half-widths of the hysteresis, m, of the gauges whose is fitted.
+    pub(crate) hysteresis_m: DVector<f64>,
     /// Constants of the set-up, in standard deviations of their priors.
     pub(crate) setup: DVector<f64>,
     /// True load of each window.
@@ -47,8 +58,10 @@ pub(crate) struct Lines {
     pub(crate) gauges: Vec<usize>,
     /// `y - h - H (w - S z - w*)`, the zeros not taken off; m.
     pub(crate) misclosures: DVector<f64>,
-    /// By the compliances of links, axes and joints of the wrist.
+    /// By the compliances of links, axes and joints of the wrist, at the load as it is estimated.
     pub(crate) springs: DMatrix<f64>,
+    /// The same at the load without its noise: noise of a load shows no spring.
+    pub(crate) springs_shown: DMatrix<f64>,
     /// By the lengths of the links.
     pub(crate) lengths: DMatrix<f64>,
     /// By the constants of the mounting.
@@ -76,6 +89,31 @@ pub enum LinesError {
     },
 }
 
+/// Loads of a campaign's windows, in each series without what noise explains: a strap pulls along one line.
+pub(super) fn smooth_loads<const N: usize>(campaign: &Campaign<N>, loads: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
+    let sds = campaign.noise.load_variances().map(f64::sqrt);
+    let mut smooth = loads.to_vec();
+    for series in 0..campaign.series.len() {
+        let windows: Vec<usize> =
+            (0..campaign.windows.len()).filter(|window| campaign.windows[*window].series == series).collect();
+        let count = float(windows.len());
+        let mean = windows.iter().map(|window| smooth[*window]).sum::<Vector6<f64>>() / count;
+        let whitened = |window: usize| (smooth[window] - mean).component_div(&sds);
+        let svd = Svd::new(DMatrix::from_fn(windows.len(), 6, |row, column| whitened(windows[row])[column]));
+        // Largest singular value that noise alone has, but for one in some thousands.
+        let noise = count.sqrt() + 6.0_f64.sqrt() + 2.0;
+        let directions = svd.values.iter().zip(svd.directions.column_iter()).filter(|(value, _)| **value > noise);
+        let along: Vec<Vector6<f64>> =
+            directions.map(|(_, direction)| Vector6::from_iterator(direction.iter().copied())).collect();
+        for window in windows {
+            let load = (smooth[window] - mean).component_div(&sds);
+            let kept: Vector6<f64> = along.iter().map(|direction| direction * direction.dot(&load)).sum();
+            smooth[window] = mean + kept.component_mul(&sds);
+        }
+    }
+    smooth
+}
+
 impl<const N: usize> State<N> {
     /// The robot file's springs, a set-up as assumed, and loads as measured.
     pub(crate) fn start(question: &Question<'_, N>) -> Self {
@@ -83,13 +121,79 @@ impl<const N: usize> State<N> {
             springs: question.file.clone(),
             elongation_m: 0.0,
             beyond: DVector::zeros(0),
+            hysteresis_m: DVector::zeros(0),
             setup: DVector::zeros(question.setup.count()),
             loads: question.campaign.windows.iter().map(|window| window.load).collect(),
         }
     }
+
+    /// The same with zeros for those unknowns of a choice that it does not have.
+    pub(super) fn sized(mut self, choice: &Choice) -> Self {
+        for (unknowns, count) in
+            [(&mut self.beyond, choice.of_links()), (&mut self.hysteresis_m, choice.hysteresis.len())]
+        {
+            if unknowns.len() != count {
+                *unknowns = DVector::zeros(count);
+            }
+        }
+        self
+    }
+
+    /// The state after a step of the parameters, and with what was eliminated as it then is.
+    pub(super) fn stepped(&self, choice: &Choice, step: &DVector<f64>, eliminated: Eliminated) -> Self {
+        let (springs, of_links, hysteresis) = (self.springs.count(), self.beyond.len(), self.hysteresis_m.len());
+        let play = if choice.has_play() { step[springs] } else { 0.0 };
+        Self {
+            springs: self.springs.with(&(self.springs.vector() + step.rows(0, springs))),
+            elongation_m: self.elongation_m + play,
+            beyond: &self.beyond + step.rows((springs + 1).min(step.len() - of_links), of_links),
+            hysteresis_m: &self.hysteresis_m + step.rows(step.len() - hysteresis, hysteresis),
+            setup: &self.setup + eliminated.setup,
+            loads: eliminated.loads,
+        }
+    }
 }
 
-impl<const N: usize> Question<'_, N> {
+impl<'a, const N: usize> Question<'a, N> {
+    /// A campaign, and the springs that the search starts from, which changes are relative to.
+    pub(crate) fn new(geometry: &'a f1::Geometry, file: &'a Springs<N>, campaign: &'a Campaign<N>) -> Self {
+        let (relative_to, count) = (file.vector(), file.count());
+        let (setup, prior) = (SetupConstants::of(campaign), DMatrix::identity(count, count));
+        Self { geometry, file, campaign, setup, relative_to, prior }
+    }
+
+    /// The same of another campaign with the same gauges.
+    pub(crate) fn on<'b>(&self, campaign: &'b Campaign<N>) -> Question<'b, N>
+    where
+        'a: 'b,
+    {
+        let Self { geometry, file, relative_to, prior, .. } = self.clone();
+        Question { relative_to, prior, ..Question::new(geometry, file, campaign) }
+    }
+
+    /// The same with what the file says of its compliances, where it was identified.
+    pub(crate) fn known(self, identified: &Identified) -> Self {
+        let count = self.file.count();
+        let relative_to = match identified.relative_to.len() {
+            length if length == count => DVector::from_column_slice(&identified.relative_to),
+            _ => self.relative_to,
+        };
+        let prior = DMatrix::from_fn(count, count, |row, column| {
+            let of = |row: usize, column: usize| {
+                let entry = identified.covariance.get(row).and_then(|row| row.get(column)).copied().unwrap_or(0.0);
+                entry / (relative_to[row] * relative_to[column])
+            };
+            // Files of earlier versions say nothing of what they kept.
+            if row == column && of(row, row) <= 0.0 { 1.0 } else { of(row, column) }
+        });
+        Self { relative_to, prior, ..self }
+    }
+
+    /// The same with the constants of the set-up as they were found.
+    pub(crate) fn exact(&self) -> Self {
+        Self { setup: self.setup.exact(), ..self.clone() }
+    }
+
     /// Variances of a load's components: N^2, (N m)^2.
     pub(crate) fn load_variances(&self) -> Vector6<f64> {
         self.campaign.noise.load_variances()
@@ -98,7 +202,12 @@ impl<const N: usize> Question<'_, N> {
     /// Linearises every window; `is_crossed` says which are beyond the jump.
     pub(crate) fn lines(&self, state: &State<N>, is_crossed: &[bool]) -> Result<Vec<Lines>, LinesError> {
         let loaded = self.loaded(state, is_crossed)?;
-        loaded.iter().enumerate().map(|(index, loaded)| self.linearised(state, index, loaded)).collect()
+        let mut lines: Vec<Lines> = Vec::with_capacity(loaded.len());
+        let smooth = smooth_loads(self.campaign, &state.loads);
+        for (index, (loaded, smooth)) in loaded.iter().zip(&smooth).enumerate() {
+            lines.push(self.linearised_for(state, index, loaded, smooth)?);
+        }
+        Ok(lines)
     }
 
     /// Finds the equilibrium of every window; `is_crossed` says which are beyond the jump.
@@ -155,13 +264,31 @@ impl<const N: usize> Question<'_, N> {
 
     /// Linearises one window.
     pub(crate) fn linearised(&self, state: &State<N>, index: usize, at: &Loaded<N>) -> Result<Lines, LinesError> {
+        self.linearised_for(state, index, at, &state.loads[index])
+    }
+
+    /// As [`linearised`](Self::linearised), and shown by another load.
+    fn linearised_for(
+        &self,
+        state: &State<N>,
+        index: usize,
+        at: &Loaded<N>,
+        smooth: &Vector6<f64>,
+    ) -> Result<Lines, LinesError> {
         let line = self.campaign.windows[index].line;
         let through = at.machine.transmission(&self.campaign.windows[index].q, &at.now);
         let through = through.ok_or(LinesError::Window { line, error: ElasticError::Singular })?;
-        Ok(self.through(state, index, at, &through))
+        Ok(self.through(state, index, at, &through, smooth))
     }
 
-    fn through(&self, state: &State<N>, index: usize, at: &Loaded<N>, through: &Transmission<N>) -> Lines {
+    fn through(
+        &self,
+        state: &State<N>,
+        index: usize,
+        at: &Loaded<N>,
+        through: &Transmission<N>,
+        smooth: &Vector6<f64>,
+    ) -> Lines {
         let (campaign, setup) = (self.campaign, &self.setup);
         let window = &campaign.windows[index];
         let gauges: Vec<usize> =
@@ -180,6 +307,7 @@ impl<const N: usize> Question<'_, N> {
             window: index,
             misclosures: DVector::zeros(count),
             springs: DMatrix::zeros(count, self.file.count()),
+            springs_shown: DMatrix::zeros(count, self.file.count()),
             lengths: DMatrix::zeros(count, LINKS),
             mounting: DMatrix::zeros(count, setup.per_mounting()),
             sensor: DMatrix::zeros(count, setup.of_sensor()),
@@ -188,11 +316,16 @@ impl<const N: usize> Question<'_, N> {
             cluster_3_n: [at.now.cluster_3_n(), cluster_sd.sqrt()],
             gauges,
         };
+        let smooth_tensions_n = through.tensions_n(smooth);
+        let pushes = window.pushes_n.component_mul(&SVector::from(campaign.metres_per_q));
+        let smooth_axes = through.axis_loads(&smooth_tensions_n, &pushes);
         for (row, &gauge) in lines.gauges.iter().enumerate() {
             let placed = setup.placed(campaign, &state.setup, window.mounting, gauge);
             let reading = placed.read(at);
             let derivatives = reading.derivatives(at, through);
             lines.springs.row_mut(row).copy_from(&derivatives.springs.transpose());
+            let shown = reading.by_springs(at, through, [&smooth_tensions_n, smooth], &smooth_axes);
+            lines.springs_shown.row_mut(row).copy_from(&shown.transpose());
             lines.load.view_mut((row, 0), (1, 6)).copy_from(&derivatives.load.transpose());
             lines.lengths.set_row(row, &derivatives.lengths.transpose());
             let read = |gauge: &Gauge| gauge.read(at).length_m;
@@ -209,6 +342,11 @@ impl<const N: usize> Question<'_, N> {
 }
 
 impl Lines {
+    /// The same lines at the loads without their noise.
+    pub(super) fn shown(&self) -> Self {
+        Self { springs: self.springs_shown.clone(), ..self.clone() }
+    }
+
     /// Derivatives by an elongation of all three links of cluster 3, which is what the play of its joint makes.
     pub(super) fn play(&self) -> DVector<f64> {
         self.lengths.columns(CLUSTER_3, LINKS - CLUSTER_3).column_sum()

@@ -8,6 +8,7 @@ pub(crate) mod blocks;
 mod campaigns;
 pub(crate) mod choice;
 pub mod compliances;
+mod decision;
 pub mod fit;
 pub mod gauge;
 pub mod identify;

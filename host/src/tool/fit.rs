@@ -15,8 +15,8 @@ use gantry_tau_core::model::sensor::Tool;
 use gantry_tau_core::model::statics::Wrench;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 
-use crate::fit::answer::Status;
-use crate::fit::least_squares::{Direction, Fit, FitError, Rows, WEAK, fit};
+use crate::fit::answer::{Status, Uncertainty};
+use crate::fit::least_squares::{Fit, FitError, Rows, fit};
 use crate::fit::statistics::float;
 use crate::measurements::tool::Noise;
 
@@ -28,8 +28,6 @@ const TOOL_SCALES: [f64; TOOL] = [1.0, 1.0, 1.0, 0.01, 0.01, 0.01];
 const BIAS_SCALES: [f64; 6] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
 /// Largest change of a reading by one scale of a parameter, in standard deviations, that is rounding of a rotation.
 const ROUNDING_SD: f64 = 1e-6;
-/// Largest change of a bias along a lost direction, in its scales, with which it does not depend on the file's tool.
-const APART: f64 = 0.01;
 
 /// Mounting of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,12 +54,15 @@ pub struct FittedTool {
     pub tool: Tool,
     /// Bias, sensor axes.
     pub bias: Wrench,
-    /// Covariance of weight, centre, force and moment of the bias; N, m, N, N m. It is that with the lost directions of the tool as they are.
+    /// Covariance of weight, centre, force and moment of the bias; N, m, N, N m. What the readings do not see of the tool has a standard deviation of
+    /// 1 N and 10 mm; of what is kept there is none.
     pub covariance: DMatrix<f64>,
     /// Fit of weight and centre, with chi-squared, degrees of freedom and lost directions.
     pub fit: Fit<Tool>,
-    /// Changes of the bias by weight and centre, mean of all readings.
-    mean_derivatives: Matrix6<f64>,
+    /// Uncertainty of weight and centre.
+    uncertainty: Uncertainty,
+    /// Variances of the bias by the readings, and by what they do not see of the tool.
+    of_bias: [Vector6<f64>; 2],
 }
 
 /// Fits a tool; `start`, the file's, stays where the readings do not see it.
@@ -92,15 +93,26 @@ pub fn fit_tool(
         bias += left / count;
         mean_derivatives += derivatives / count;
     }
-    let of_tool = fit.seen.covariance();
-    let cross = -mean_derivatives * &of_tool;
-    let of_bias = Matrix6::from_diagonal(&sds.map(|sd| sd * sd / count)) - &cross * mean_derivatives.transpose();
+    let uncertainty = Uncertainty::new(&fit.rows, &fit.seen, &fit.held);
+    let following = |of_tool: &DMatrix<f64>| {
+        let cross = -mean_derivatives * of_tool;
+        let of_bias = -&cross * mean_derivatives.transpose();
+        (cross, of_bias)
+    };
+    let of_noise = Matrix6::from_diagonal(&sds.map(|sd| sd * sd / count));
+    let (_, seen) = following(&fit.seen.covariance());
+    let (cross, whole) = following(&uncertainty.whole_covariance());
+    let of_bias = [(of_noise + seen).diagonal(), (whole - seen).diagonal()];
     let mut covariance = DMatrix::zeros(2 * TOOL, 2 * TOOL);
-    covariance.view_mut((0, 0), (TOOL, TOOL)).copy_from(&of_tool);
+    covariance.view_mut((0, 0), (TOOL, TOOL)).copy_from(&uncertainty.covariance());
     covariance.view_mut((TOOL, 0), (TOOL, TOOL)).copy_from(&cross);
-    covariance.view_mut((0, TOOL), (TOOL, TOOL)).copy_from(&cross.transpose());
-    covariance.view_mut((TOOL, TOOL), (TOOL, TOOL)).copy_from(&of_bias);
-    Ok(FittedTool { tool, bias: Wrench::from_array(bias.into()), covariance, fit, mean_derivatives })
+    for kept in fit.held.kept() {
+        covariance.column_mut(*kept).fill(0.0);
+    }
+    let cross = covariance.view((TOOL, 0), (TOOL, TOOL)).transpose();
+    covariance.view_mut((0, TOOL), (TOOL, TOOL)).copy_from(&cross);
+    covariance.view_mut((TOOL, TOOL), (TOOL, TOOL)).copy_from(&(of_noise + whole));
+    Ok(FittedTool { tool, bias: Wrench::from_array(bias.into()), covariance, fit, uncertainty, of_bias })
 }
 
 /// Whitened Helmert contrasts of what a tool leaves of the readings.
@@ -158,22 +170,13 @@ impl FittedTool {
         DVector::from_iterator(2 * TOOL, tool.chain(self.bias.to_array()))
     }
 
-    /// Status of a parameter by the readings. A bias that a lost direction of the tool would change is not seen by itself.
+    /// Status of a parameter by the readings.
     #[must_use]
     pub fn status(&self, parameter: usize) -> Status {
         let Some(component) = parameter.checked_sub(TOOL) else {
-            return Status::of(&self.fit.seen, parameter);
+            return self.uncertainty.status(parameter);
         };
-        let depends = |direction: &Direction| {
-            let step = direction.components.component_mul(&DVector::from_row_slice(&TOOL_SCALES));
-            (self.mean_derivatives * step)[component].abs() > APART * BIAS_SCALES[component]
-        };
-        if self.fit.seen.lost().iter().any(depends) {
-            Status::Kept
-        } else if self.covariance[(parameter, parameter)].sqrt() > WEAK * BIAS_SCALES[component] {
-            Status::Weak
-        } else {
-            Status::Identified
-        }
+        let [seen, unseen] = self.of_bias.map(|variances| variances[component].max(0.0).sqrt());
+        Status::of(seen, unseen, BIAS_SCALES[component])
     }
 }

@@ -12,8 +12,8 @@ use gantry_tau_core::model::kinematics::KinematicsError;
 use nalgebra::Matrix3;
 use serde::Serialize;
 
-use crate::fit::answer::{Parameter, Status, Unobservable};
-use crate::fit::least_squares::FitError;
+use crate::fit::answer::{Parameter, Unobservable};
+use crate::fit::least_squares::{FitError, Seen};
 use crate::fit::statistics::chi_squared_above;
 use crate::measurements::FileError;
 use crate::measurements::tool::{self, ToolReadings};
@@ -152,8 +152,8 @@ fn names() -> Vec<(String, &'static str)> {
 
 fn answer(fitted: &FittedTool, model: &'static str) -> Answer {
     let (fit, names) = (&fitted.fit, names());
-    let mut unobservable = fit.seen.lost();
-    unobservable.extend(fit.seen.weak());
+    let seen = Seen::new(&fit.rows, fit.seen.scales());
+    let unobservable = [seen.lost(), seen.weak()].concat();
     let (chi2, dof) = (fit.chi_squared(), fit.degrees());
     Answer {
         format: FORMAT,
@@ -169,9 +169,9 @@ fn answer(fitted: &FittedTool, model: &'static str) -> Answer {
 
 fn summary(fitted: &FittedTool, answer: &Answer) -> String {
     let list = |parameters: &[Parameter], digits: usize| {
-        let with_reach = |one: &Parameter| match one.status {
-            Status::Kept => format!("{:.digits$} kept", one.value),
-            _ => format!("{:.digits$} +- {:.digits$}", one.value, one.high95 - one.value),
+        let with_reach = |one: &Parameter| match one.high95 {
+            None => format!("{:.digits$} kept", one.value),
+            Some(high) => format!("{:.digits$} +- {:.digits$}", one.value, high - one.value),
         };
         parameters.iter().map(with_reach).collect::<Vec<_>>().join(", ")
     };
@@ -194,7 +194,8 @@ fn doubts(fitted: &FittedTool, answer: &Answer) -> Vec<String> {
             answer.chi2, answer.dof, answer.p
         ));
     }
-    let lost = Unobservable::list(&names()[..TOOL], &fitted.fit.seen.lost());
+    let seen = Seen::new(&fitted.fit.rows, fitted.fit.seen.scales());
+    let lost = Unobservable::list(&names()[..TOOL], &seen.lost());
     if !lost.is_empty() {
         let lost = lost.iter().map(Unobservable::to_string).collect::<Vec<_>>().join("; ");
         doubts.push(format!("not told from the bias in these poses, kept at the file's values: {lost}"));

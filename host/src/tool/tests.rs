@@ -111,7 +111,8 @@ fn intervals_hold_the_truth() {
         assert_eq!((answer.dof, found.fit.seen.lost().len()), (24, 0));
         chi2 += answer.chi2;
         for (parameter, truth) in answer.parameters.iter().zip(TRUTH) {
-            held += usize::from((parameter.low95..=parameter.high95).contains(&truth));
+            let [low, high] = parameter.interval().unwrap();
+            held += usize::from((low..=high).contains(&truth));
         }
         for (axis, square) in squares.iter_mut().enumerate() {
             *square += ((answer.parameters[axis].value - TRUTH[axis]) / answer.parameters[axis].sd).powi(2);
@@ -131,13 +132,17 @@ fn a_weight_along_the_only_axis_of_turning_stays_and_the_bias_takes_the_rest() {
     let centre_m = Vector3::from_column_slice(&TRUTH[3..6]);
     let start = Tool { weight_n: Vector3::new(0.0, 0.0, -18.0), centre_m };
     let found = fit_tool(&mounting(), &readings(&rotations, 0.0, 0), NOISE, start).unwrap();
-    let lost = Unobservable::list(&names()[..TOOL], &found.fit.seen.lost());
+    let unheld = Seen::new(&found.fit.rows, found.fit.seen.scales());
+    let lost = Unobservable::list(&names()[..TOOL], &unheld.lost());
     assert!(lost.iter().any(|direction| direction.to_string() == "weight_n[2] +1.000"), "{lost:?}");
     let off = found.tool.weight_n - Vector3::new(TRUTH[0], TRUTH[1], -18.0);
     assert!(off.amax() < 1e-5, "{off}");
     // 49 N pull down, of which the file has 18; the sensor's z is the world's.
     assert!((found.bias.force_n.z - (TRUTH[8] - 31.0)).abs() < 1e-5, "{:?}", found.bias);
-    assert_eq!([2, 8].map(|parameter| found.status(parameter)), [Status::Kept; 2]);
+    assert_eq!([2, 8].map(|parameter| found.status(parameter)), [Status::Kept, Status::Depends]);
+    assert_eq!(found.tool.weight_n.z.to_bits(), (-18.0_f64).to_bits());
+    // The bias is known as well as the weight, whose deviation is taken to be 1 N.
+    assert!((found.covariance[(8, 8)] - 1.0).abs() < 0.1 && found.covariance[(2, 2)] <= 0.0);
     // Turned by 0.3 rad, weights across are seen to 0.2 N / 0.3 or so.
     assert_ne!(found.status(0), Status::Kept);
 }

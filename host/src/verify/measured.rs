@@ -25,7 +25,6 @@ use crate::springs::choice::Choice;
 use crate::springs::gauge::{Body, Gauge};
 use crate::springs::lines::{Lines, LinesError, Question, State};
 use crate::springs::loaded::Loaded;
-use crate::springs::setup::SetupConstants;
 
 /// Lever that a turn counts with against a translation, m: that of the gauges.
 const LEVER_M: f64 = 0.1;
@@ -83,8 +82,7 @@ pub fn verify<K: MachineKind<N>, const N: usize>(
     let campaign = &zeros_first(campaign);
     let of_series = pairs(campaign)?;
     let geometry = file.model.geometry();
-    let setup = SetupConstants::of(campaign);
-    let question = Question { geometry: &geometry, file: &model.springs, campaign, setup };
+    let question = Question::new(&geometry, &model.springs, campaign);
     let limits_m = file.limits.map(|axis| OffsetNm(axis.limits.position.max()).to_metres().0);
     let predicted = Predicted::new(&model, &question, limits_m)?;
     let (mut results, mut choice) = (Vec::new(), Choice::none(campaign));

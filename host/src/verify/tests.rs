@@ -47,6 +47,7 @@ fn identified() -> RobotFile<L2, N> {
     };
     let entry = |row: usize, column: usize| correlation(row, column) * sd[row] * sd[column];
     file.identified = Some(Identified {
+        relative_to: Vec::new(),
         measurements: "springs.csv".to_owned(),
         crc: 0,
         windows: 99,

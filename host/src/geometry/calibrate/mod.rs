@@ -19,8 +19,8 @@ use serde::Serialize;
 use super::agreement::Agreement;
 use super::answer::{Answer, FORMAT, InRobotFrame, Outlier};
 use super::f1::Diagnostic;
-use crate::fit::answer::{Parameter, Status, Unobservable};
-use crate::fit::least_squares::Direction;
+use crate::fit::answer::{Parameter, Status, Uncertainty, Unobservable};
+use crate::fit::least_squares::{Direction, Seen};
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::poses::Poses;
 use crate::measurements::{FileError, frame};
@@ -176,11 +176,12 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
 
     fn answer<const N: usize>(&self, measured: &Poses<N>) -> Answer<M> {
         let fit = &self.agreement.fit;
-        let seen = &fit.seen;
+        let uncertainty = Uncertainty::new(&fit.rows, &fit.seen, &fit.held);
         let status = |parameter: usize| match self.kept.contains(&parameter) {
             true => Status::Kept,
-            false => Status::of(seen, parameter),
+            false => uncertainty.status(parameter),
         };
+        let seen = Seen::new(&fit.rows, fit.seen.scales());
         let unobservable = [self.unseen.clone(), seen.lost(), seen.weak()].concat();
         let outliers = self.agreement.outliers.iter();
         Answer {
@@ -188,8 +189,8 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
             model: self.model,
             measured_frame: self.measured_frame.clone(),
             robot_frame: self.robot_frame.clone(),
-            parameters: Parameter::list(&self.names, &self.values, &seen.covariance(), status),
-            observable: seen.kept().saturating_sub(self.unseen.len()),
+            parameters: Parameter::list(&self.names, &self.values, &uncertainty.covariance(), status),
+            observable: fit.seen.kept().saturating_sub(self.unseen.len()),
             unobservable: Unobservable::list(&self.names, &unobservable),
             predicted_rms_m: self.expected.rms_m,
             chi2: fit.chi_squared(),

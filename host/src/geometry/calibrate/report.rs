@@ -60,12 +60,10 @@ impl Page<'_> {
         );
         body += "<h2>Parameters</h2><p>In the frame of the device.</p><table><tr><th>parameter<th>status<th>value<th>95 % interval<th>sd</tr>";
         for parameter in self.parameters {
-            let Parameter { name, value, unit, sd, low95, high95, status } = parameter;
-            _ = write!(
-                body,
-                "<tr><td>{name}<td>{}<td>{value:.6} {unit}<td>{low95:.6} to {high95:.6}<td>{sd:.1e}</tr>",
-                status.name()
-            );
+            let Parameter { name, value, unit, sd, status, .. } = parameter;
+            let interval =
+                parameter.interval().map_or_else(|| "-".to_owned(), |[low, high]| format!("{low:.6} to {high:.6}"));
+            _ = write!(body, "<tr><td>{name}<td>{}<td>{value:.6} {unit}<td>{interval}<td>{sd:.1e}</tr>", status.name());
         }
         body += "</table><h2>What can be seen</h2><p>Combinations of parameters by falling standard deviation, in centimetres and in centiradians; \
                  above 1 nothing is seen.</p><table><tr><th>sd<th>combination</tr>";

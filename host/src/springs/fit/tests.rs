@@ -3,10 +3,13 @@
 use gantry_tau_core::model::robot::LINKS;
 
 use super::*;
+use crate::fit::answer::Status;
+use crate::fit::held::Held;
 use crate::fit::statistics::NORMAL_95;
 use crate::measurements::springs::{Noise, SetupNoise};
 use crate::robot_file::RobotFile;
 use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, WRIST_M, campaign_a, l2_with_wrist, never, seeded, straps};
+use crate::springs::decision::{uncertainty, unobservable};
 use crate::springs::gauge::{Body, Gauge};
 
 /// Noise that nothing is lost in, and that leaves a campaign solvable.
@@ -174,16 +177,25 @@ fn cart_1_cannot_be_told_from_link_11_without_its_gauge() {
     for window in &mut bench.campaign.windows {
         window.readings_m[6..].fill(None);
     }
-    let found = fitted(&bench);
-    let lost = found.seen.lost();
+    let question = bench.question();
+    let held = Held::of(&fitted(&bench).seen.lost_directions());
+    let choice = Choice { held: Some(held), ..Choice::all(&bench.campaign) };
+    let found = fit(&question, &choice, State::start(&question)).unwrap();
+    let [lost, _] = unobservable(&question, &choice, &found);
     let [direction] = lost.as_slice() else { panic!("{lost:?}") };
     let mut expected = DVector::zeros(9);
     (expected[6], expected[0]) = (1.0, -0.032);
     let cosine = direction.components.dot(&expected) / expected.norm();
     assert!(cosine.abs() >= 0.99, "{cosine}");
-    assert_eq!(crate::fit::answer::Status::of(&found.seen, 6), crate::fit::answer::Status::Kept);
-    let kept = found.state.springs.machine.cart_m_per_n()[0] / bench.file.machine.cart_m_per_n()[0];
-    assert!((kept - 1.0).abs() < 0.01, "the file's value stays: {kept}");
+    let uncertainty = uncertainty(&question, &choice, &found);
+    assert_eq!(uncertainty.status(6), Status::Kept);
+    assert_eq!(uncertainty.status(0), Status::Depends);
+    assert!((1..6).all(|link| uncertainty.status(link) == Status::Identified));
+    let [kept, file] = [found.state.springs, bench.file.clone()].map(|springs| springs.machine.axes[0]);
+    assert_eq!(kept.to_bits(), file.to_bits(), "the file's value stays");
+    // All of cart 1 by the file is three hundredths of link 11.
+    let sd = uncertainty.covariance()[(0, 0)].sqrt() / bench.file.machine.links_m_per_n[0];
+    assert!((sd - 0.032).abs() < 0.005, "{sd}");
 }
 
 /// `[T 4.2.9]`: home, one strap in x, three gauges at one point; the carts are measured besides. Three numbers, not six springs.

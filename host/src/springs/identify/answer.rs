@@ -4,10 +4,11 @@ use nalgebra::DMatrix;
 use serde::Serialize;
 
 use super::{Found, names};
-use crate::fit::answer::{Parameter, Status, Unobservable};
-use crate::fit::statistics::chi_squared_above;
+use crate::fit::answer::{Parameter, Uncertainty, Unobservable};
+use crate::fit::statistics::{NORMAL_95, chi_squared_above};
 use crate::output::Name;
 use crate::springs::agreement::Agreement;
+use crate::springs::decision::{uncertainty, unobservable};
 use crate::springs::lines::Question;
 
 /// First field of an answer.
@@ -33,7 +34,7 @@ pub struct Answer {
     pub p: f64,
     /// Readings that do not agree, and were left out. Of a gauge that stays shifted, the first.
     pub outliers: Vec<Outlier>,
-    /// Combinations of parameters that are not seen (`relative_sd` above 1), or hardly (above 0.1).
+    /// Combinations of parameters that are not seen (`relative_sd` above 1, here or on the way here), or hardly (above 0.1).
     pub unobservable: Vec<Unobservable>,
     /// The play of cluster 3, where there is one.
     pub play: Option<PlayAnswer>,
@@ -82,7 +83,8 @@ impl<const N: usize> Found<'_, N> {
     /// Returns the answer; `model` is `l2` or `f1`.
     pub(super) fn answer(&self, model: &'static str) -> Answer {
         let Agreement { solved, choice, refused } = &self.agreement;
-        let (mut values, mut covariance) = (solved.values(choice), solved.seen.covariance());
+        let uncertainty = self.uncertainty();
+        let (mut values, mut covariance) = (solved.values(choice), uncertainty.covariance());
         if let Some(play) = &self.play {
             let index = self.question.file.count();
             values[index] *= play.sign;
@@ -90,15 +92,12 @@ impl<const N: usize> Found<'_, N> {
             covariance.column_mut(index).scale_mut(play.sign);
         }
         let (chi2, dof) = (solved.rows.chi_squared(), solved.degrees());
-        covariance *= self.intervals.variance(solved);
         let names = names(&self.question, choice, self.play.is_some());
-        let mut parameters = Parameter::list(&names, &values, &covariance, |index| Status::of(&solved.seen, index));
-        parameters.iter_mut().for_each(|parameter| parameter.set_reach(self.intervals.reach(solved)));
-        for profiled in &self.profiles {
-            [parameters[profiled.parameter].low95, parameters[profiled.parameter].high95] = profiled.ends;
+        let mut parameters = Parameter::list(&names, &values, &covariance, |index| uncertainty.status(index));
+        for (index, parameter) in parameters.iter_mut().enumerate() {
+            parameter.set_interval(self.interval(index, parameter.value, &uncertainty));
         }
-        let mut unobservable = solved.seen.lost();
-        unobservable.extend(solved.seen.weak());
+        let unobservable = unobservable(&self.question, choice, solved).concat();
         let campaign = self.question.campaign;
         let outlier = |series: usize, window: usize, gauge: usize| Outlier {
             series: campaign.series[series].clone(),
@@ -126,6 +125,22 @@ impl<const N: usize> Found<'_, N> {
             parameters,
             setup: self.setup(),
         }
+    }
+
+    /// Uncertainty of the parameters.
+    pub(super) fn uncertainty(&self) -> Uncertainty {
+        let Agreement { solved, choice, .. } = &self.agreement;
+        uncertainty(&self.question, choice, solved).scaled(self.intervals.variance(solved))
+    }
+
+    /// Central 95 % interval of a parameter: by what the readings say, widened by what it depends on. A compliance is not negative.
+    fn interval(&self, parameter: usize, value: f64, uncertainty: &Uncertainty) -> [f64; 2] {
+        let reach = self.intervals.reach(&self.agreement.solved) * uncertainty.of_seen(parameter).sqrt();
+        let profiled = self.profiles.iter().find(|profiled| profiled.parameter == parameter);
+        let [low, high] = profiled.map_or([value - reach, value + reach], |profiled| profiled.ends);
+        let dependence = NORMAL_95 * uncertainty.of_unseen(parameter).sqrt();
+        let [low, high] = [value - (value - low).hypot(dependence), value + (high - value).hypot(dependence)];
+        if parameter < self.question.file.count() { [low.max(0.0), high] } else { [low, high] }
     }
 
     fn setup(&self) -> Vec<SetupAnswer> {

@@ -2,15 +2,18 @@
 
 use nalgebra::DMatrix;
 
-use super::Found;
 use super::answer::Answer;
 use super::regimes::TwoRegimes;
+use super::{Found, names};
+use crate::fit::answer::Unobservable;
+use crate::fit::held::Held;
 use crate::fit::statistics::float;
 use crate::measurements::springs::Campaign;
-use crate::springs::agreement::deviations;
+use crate::springs::agreement::{Agreement, deviations};
+use crate::springs::decision::unobservable;
 
 /// Smallest probability of the residuals at which a model is believed.
-const LEAST_P: f64 = 1e-3;
+pub(super) const LEAST_P: f64 = 1e-3;
 /// Largest share of readings that may be left out.
 pub(super) const MOST_OUTLIERS: f64 = 0.1;
 /// Standard deviations of its prior that a constant of the set-up may move by before it is named.
@@ -19,8 +22,7 @@ const MOST_MOVED_SD: f64 = 3.0;
 impl<const N: usize> Found<'_, N> {
     /// Result in one line.
     pub(super) fn summary(&self, answer: &Answer) -> String {
-        let seen = &self.agreement.solved.seen;
-        let lost = seen.lost().len();
+        let lost = self.agreement.choice.held.as_ref().map_or(0, Held::count);
         let readings = readings(self.question.campaign);
         let left_out = answer.outliers.len();
         let play = match &answer.play {
@@ -101,7 +103,11 @@ impl<const N: usize> Found<'_, N> {
                 repeats.p()
             ));
         }
-        for direction in answer.unobservable.iter().filter(|direction| direction.relative_sd > 1.0) {
+        doubts.extend(self.not_positive.iter().map(|spring| self.not_measured(spring)));
+        let Agreement { solved, choice, .. } = &self.agreement;
+        let [lost, _] = unobservable(&self.question, choice, solved);
+        let names = names(&self.question, choice, self.play.is_some());
+        for direction in Unobservable::list(&names, &lost) {
             doubts.push(format!("not observable, kept at the file's value: {direction}"));
         }
         let readings = readings(self.question.campaign);

@@ -33,7 +33,7 @@ pub(super) fn drop_small<const N: usize>(
         let (gauges, first) = (&agreement.choice.hysteresis, solved.rows.derivatives.ncols());
         let first = first - gauges.len();
         let covariance = solved.seen.covariance().view((first, first), (gauges.len(), gauges.len())).into_owned();
-        let kept = significant(&solved.hysteresis_m, &(covariance * intervals.variance(solved)));
+        let kept = significant(&solved.state.hysteresis_m, &(covariance * intervals.variance(solved)));
         if kept.len() == gauges.len() {
             dropped.sort_unstable();
             return Ok(Kept { agreement, play, dropped });

@@ -5,23 +5,26 @@ mod doubts;
 mod hysteresis;
 mod intervals;
 mod levels;
+mod measurable;
+mod mistakes;
 mod plausible;
 mod profile;
 mod regimes;
 mod repeats;
 mod report;
 mod robot_text;
-mod wrench;
+#[cfg(test)]
+mod weak;
 
 use std::path::PathBuf;
 
 use super::agreement::Agreement;
 use super::choice::Choice;
 use super::compliances::Springs;
+use super::decision::{Decision, NotPositive};
 use super::fit::{SpringsError, rounds};
 use super::lines::{Question, State};
 use super::play::{FoundPlay, with_play};
-use super::setup::SetupConstants;
 use crate::experiment::prediction::Prediction;
 use crate::experiment::raw;
 use crate::fit::answer::Unobservable;
@@ -35,6 +38,9 @@ use intervals::Intervals;
 use profile::{Profiled, profiles};
 use regimes::TwoRegimes;
 use repeats::Repeats;
+
+/// Decisions of what the campaign shows, after which the last one stands. One is usual, and three are many.
+const MAX_DECISIONS: u32 = 20;
 
 /// Options of an identification.
 #[derive(Clone, Debug)]
@@ -130,6 +136,8 @@ struct Found<'a, const N: usize> {
     dropped: Vec<usize>,
     /// The links before and beyond the jump, or why they are not compared; `None` if nobody asked.
     regimes: Option<Result<TwoRegimes, String>>,
+    /// Springs whose best value is not positive, and which keep the file's.
+    not_positive: Vec<NotPositive>,
     /// Intervals of the springs that are known badly.
     profiles: Vec<Profiled>,
     repeats: Option<Repeats>,
@@ -155,11 +163,12 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     if let Some(window) = campaign.windows.iter().find(|window| options.has_drift && window.time_s.is_none()) {
         return Err(campaign.error(window, "time_s", "is missing; --drift needs the time of every window").into());
     }
-    let setup = SetupConstants::of(&campaign);
     let geometry = robot.model.geometry();
-    let question = Question { geometry: &geometry, file: &file, campaign: &campaign, setup };
+    let question = Question::new(&geometry, &file, &campaign);
+    let question = robot.identified.iter().fold(question, |question, identified| question.known(identified));
     plausible::check(&question)?;
-    let found = wrench::checked(find(question.clone(), options), &question, options)?;
+    mistakes::gross(&question, options)?;
+    let found = mistakes::checked(find(question.clone(), options), &question, options)?;
     let answer = found.answer(K::MODEL);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
@@ -220,15 +229,26 @@ fn find<'a, const N: usize>(
         }
         (reason, _) => IdentifyError::Fit { table: table.clone(), reason },
     };
-    let start = first.state.clone();
-    let without = Agreement::find(&question, &choice, start, options.is_robust).map_err(failed)?;
-    let (agreement, play) = match with_play(&question, &without, options.is_robust).map_err(failed)? {
-        Some((agreement, play)) => (agreement, Some(play)),
-        None => (without, None),
-    };
     let intervals = Intervals { is_scaled: options.is_scaled || !question.campaign.is_noise_stated };
-    let kept = drop_small(&question, agreement, play, intervals, options.is_robust).map_err(failed)?;
-    let Kept { agreement, play, dropped } = kept;
+    let mut decision = Decision::first(&question, &first);
+    let mut decisions = 0;
+    let Kept { agreement, play, dropped } = loop {
+        decisions += 1;
+        let choice = Choice { held: Some(decision.held.clone()), ..choice.clone() };
+        let kept = match searched(&question, &choice, options, intervals) {
+            Err(reason @ (SpringsError::NotConverged { .. } | SpringsError::AtBound { .. })) => {
+                decision = decision.without_weakest(&question, &first).ok_or(reason).map_err(failed)?;
+                continue;
+            }
+            kept => kept.map_err(failed)?,
+        };
+        let Agreement { solved, choice, .. } = &kept.agreement;
+        match decision.next(&question, choice, solved).map_err(failed)? {
+            Some(next) if decisions < MAX_DECISIONS => decision = next,
+            _ => break kept,
+        }
+    };
+    let not_positive = decision.not_positive;
     let regimes = options.has_two_regimes.then(|| {
         let play = play.as_ref().ok_or_else(|| "no jump was found".to_owned())?;
         let compared = regimes::compare(&question, &agreement, play, intervals, options.is_robust);
@@ -236,7 +256,22 @@ fn find<'a, const N: usize>(
     });
     let profiles = profiles(&question, &agreement, intervals);
     let repeats = Repeats::of(&question, &agreement);
-    Ok(Found { question, agreement, play, intervals, dropped, regimes, profiles, repeats })
+    Ok(Found { question, agreement, play, intervals, dropped, regimes, not_positive, profiles, repeats })
+}
+
+/// Fits from the robot file's springs, with the play and the hysteresis that are there.
+fn searched<const N: usize>(
+    question: &Question<'_, N>,
+    choice: &Choice,
+    options: &IdentifyOptions,
+    intervals: Intervals,
+) -> Result<Kept<N>, SpringsError> {
+    let without = Agreement::find(question, choice, State::start(question), options.is_robust)?;
+    let (agreement, play) = match with_play(question, &without, options.is_robust)? {
+        Some((agreement, play)) => (agreement, Some(play)),
+        None => (without, None),
+    };
+    drop_small(question, agreement, play, intervals, options.is_robust)
 }
 
 /// Names and units of the parameters.

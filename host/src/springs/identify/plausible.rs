@@ -16,8 +16,6 @@ const TURNED_RAD: f64 = 0.1;
 const LEAST_LOAD_SD: f64 = 5.0;
 /// Largest factor between the changes of a gauge's readings and those that the robot file predicts. A wrong unit is a factor of a thousand.
 const MOST_FACTOR: f64 = 200.0;
-/// Correlation of a gauge's changes with the predicted ones below which it is taken as reversed.
-const REVERSED: f64 = -0.9;
 
 /// Checks poses, loads and gauges of a campaign.
 ///
@@ -105,11 +103,6 @@ pub(super) fn gauges<const N: usize>(question: &Question<'_, N>, lines: &[Lines]
                 size(&measured) * 1e6,
                 size(&predicted) * 1e6
             );
-            return Err(campaign.error(window, &column, reason));
-        }
-        let product: f64 = measured.iter().zip(&predicted).map(|(one, other)| one * other).sum();
-        if is_shown && pairs.len() > 3 && product < REVERSED * norm(&measured) * norm(&predicted) {
-            let reason = "the readings fall where the robot file's springs let expect that they rise; the gauge's axis is reversed, or its sign";
             return Err(campaign.error(window, &column, reason));
         }
     }

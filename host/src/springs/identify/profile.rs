@@ -5,10 +5,10 @@
 //! too short above, too long below. (D. J. Venzon, S. H. Moolgavkar, "A method for computing profile-likelihood-based confidence intervals",
 //! Applied Statistics 37, 1988.)
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::intervals::Intervals;
-use crate::fit::answer::Status;
+use crate::fit::held::Held;
 use crate::springs::agreement::Agreement;
 use crate::springs::choice::Choice;
 use crate::springs::fit::{MOST_FACTOR, rounds};
@@ -43,10 +43,9 @@ pub(super) fn profiles<const N: usize>(
     let solved = &agreement.solved;
     let covariance = solved.seen.covariance() * intervals.variance(solved);
     let springs = solved.state.springs.vector();
-    let is_weak = |index: &usize| {
-        let share = covariance[(*index, *index)].sqrt() / springs[*index];
-        share >= LEAST_SHARE && Status::of(&solved.seen, *index) != Status::Kept
-    };
+    let is_kept = |index: usize| agreement.choice.held.as_ref().is_some_and(|held| held.is_kept(index));
+    let is_weak =
+        |index: &usize| covariance[(*index, *index)].sqrt() / springs[*index] >= LEAST_SHARE && !is_kept(*index);
     let weak = (0..springs.len()).filter(is_weak);
     weak.filter_map(|index| profile(question, agreement, intervals, index)).collect()
 }
@@ -59,16 +58,17 @@ pub(super) fn profile<const N: usize>(
     parameter: usize,
 ) -> Option<Profiled> {
     let seen = &agreement.solved.seen;
-    let lost: Vec<DVector<f64>> = seen.lost().into_iter().map(|direction| direction.components).collect();
+    let count = seen.scales().len();
+    let held = agreement.choice.held.as_ref().map_or_else(|| Held::none(count), |held| held.of_more(count));
     // The parameter changes, and what is not seen stays: the others of its lost directions go along.
-    let mut direction = DVector::zeros(seen.scales().len());
+    let mut direction = DVector::zeros(count);
     direction[parameter] = 1.0;
-    lost.iter().for_each(|lost| direction -= lost * lost[parameter]);
-    let held: Vec<DVector<f64>> = lost.into_iter().chain([direction.normalize()]).collect();
+    direction -= held.directions() * held.directions().row(parameter).transpose();
+    let held = held.with(&direction);
     let direction = direction.component_mul(seen.scales());
     let mut profile = Profile {
         question,
-        choice: Choice { held: Some(DMatrix::from_columns(&held)), ..agreement.choice.clone() },
+        choice: Choice { held: Some(held), ..agreement.choice.clone() },
         state: agreement.solved.state.clone(),
         direction: &direction / direction[parameter],
         parameter,
@@ -105,7 +105,7 @@ impl<const N: usize> Profile<'_, N> {
     fn beyond(&mut self, value: f64) -> Option<f64> {
         let mut springs = self.state.springs.vector();
         springs += self.direction.rows(0, springs.len()) * (value - springs[self.parameter]);
-        let start = State { springs: self.state.springs.with(&springs).ok()?, ..self.state.clone() };
+        let start = State { springs: self.state.springs.with(&springs), ..self.state.clone() };
         let solved = rounds(self.question, &self.choice, start, MAX_ROUNDS).ok()?;
         let risen = (solved.rows.chi_squared() - self.least) / self.variance;
         let beyond = risen.max(0.0).sqrt() - self.reach;

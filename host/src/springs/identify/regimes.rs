@@ -6,11 +6,11 @@
 use gantry_tau_core::model::robot::LINKS;
 
 use super::intervals::Intervals;
-use crate::fit::answer::Status;
 use crate::fit::statistics::{f_above, float};
 use crate::springs::agreement::Agreement;
 use crate::springs::beyond::{Beyond, CHANGES};
 use crate::springs::choice::Choice;
+use crate::springs::decision::unheld;
 use crate::springs::fit::{SpringsError, fit};
 use crate::springs::lines::Question;
 use crate::springs::play::FoundPlay;
@@ -72,6 +72,7 @@ pub(super) fn compare<const N: usize>(
     let compliances = solved.state.springs.vector();
     let first = compliances.len() + 1 + CHANGES;
     let covariance = solved.seen.covariance() * intervals.variance(solved);
+    let unseen = unheld(question, &with.choice, solved).lost_directions();
     let links = std::array::from_fn(|link| {
         let (before, change) = (compliances[link], solved.state.beyond[CHANGES + link]);
         let (at, share) = (first + link, change / before);
@@ -79,7 +80,7 @@ pub(super) fn compare<const N: usize>(
             covariance[(at, at)] - 2.0 * share * covariance[(at, link)] + share * share * covariance[(link, link)];
         let reach = intervals.reach(solved) * variance.max(0.0).sqrt() / before;
         let ratio = 1.0 + share;
-        let is_seen = Status::of(&solved.seen, at) != Status::Kept;
+        let is_seen = unseen.row(at).norm_squared() <= 0.5;
         LinkRatio { before, ratio, ends: [ratio - reach, ratio + reach], is_seen }
     });
     Ok(TwoRegimes { links, f, degrees: [unknowns, rest], p: f_above(f, unknowns, rest) })

@@ -88,7 +88,7 @@ fn pure_error<const N: usize>(question: &Question<'_, N>, agreement: &Agreement<
         window.series = index;
     }
     campaign.series = names.iter().map(Name::made).collect();
-    let by_level = Question { campaign: &campaign, setup: question.setup.exact(), ..*question };
+    let by_level = question.on(&campaign).exact();
     let choice = Choice { weights: choice.weights.clone(), ..Choice::all(&campaign) };
     let lines = solved.lines.iter().zip(&solved.left);
     // The columns of the drifts take the place of those of the springs.

@@ -34,14 +34,16 @@ impl<const N: usize> Found<'_, N> {
             text.set_number_of("wrist", joint, "c_rad_per_nm", *value);
         }
         let springs = self.question.file.count();
+        let covariance = self.uncertainty().whole_covariance().view((0, 0), (springs, springs)).into_owned();
         let identified = Identified {
             measurements: campaign.table.clone(),
             crc: campaign.crc,
             windows: campaign.windows.len(),
             chi2: answer.chi2,
             dof: answer.dof,
-            sd: answer.parameters.iter().take(springs).map(|parameter| parameter.sd).collect(),
-            covariance: answer.covariance.iter().take(springs).map(|row| row[..springs].to_vec()).collect(),
+            sd: covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect(),
+            covariance: covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+            relative_to: self.question.relative_to.as_slice().to_vec(),
         };
         text.set_serialized("identified", &identified).map_err(|error| said(&error))?;
         if let Some(PlayAnswer { gap_m, sd_m, preload_rising_n, preload_falling_n }) = answer.play {

@@ -16,7 +16,6 @@ use crate::robot_file::RobotFile;
 use crate::springs::compliances::axes_key;
 use crate::springs::identify::{Answer, IdentifyError, IdentifyOptions, answer_of, starting_springs};
 use crate::springs::lines::Question;
-use crate::springs::setup::SetupConstants;
 
 /// Micro: m/N to µm/N.
 const MICRO: f64 = 1e6;
@@ -38,8 +37,7 @@ pub fn page<K: MachineKind<N>, const N: usize>(
     let campaign = springs::read_table(setup, table, K::MODEL, &robot.metres_per_q)?;
     campaign.check_wrist(setup, robot.wrist.len())?;
     let geometry = robot.model.geometry();
-    let question =
-        || Question { geometry: &geometry, file: &file, campaign: &campaign, setup: SetupConstants::of(&campaign) };
+    let question = || Question::new(&geometry, &file, &campaign);
     let asked = question();
     let all: Vec<ThesisSprings> = (0..campaign.series.len()).filter_map(|series| evaluate(&asked, series)).collect();
     let options = IdentifyOptions {
@@ -168,14 +166,12 @@ impl Springs<'_> {
         if !self.found.is_empty() {
             let value = |parameter: &Parameter| match parameter.status {
                 Status::Kept => "not seen".to_owned(),
-                Status::Identified | Status::Weak => format!("<b>{}</b>", number(parameter.value)),
+                Status::Identified | Status::Weak | Status::Depends => format!("<b>{}</b>", number(parameter.value)),
             };
             row("identify", self.found.iter().map(value).collect());
-            let interval = |parameter: &Parameter| match parameter.status {
-                Status::Kept => "-".to_owned(),
-                Status::Identified | Status::Weak => {
-                    format!("{} to {}", number(parameter.low95), number(parameter.high95))
-                }
+            let interval = |parameter: &Parameter| match parameter.interval() {
+                None => "-".to_owned(),
+                Some([low, high]) => format!("{} to {}", number(low), number(high)),
             };
             row("95 % interval", self.found.iter().map(interval).collect());
         }

@@ -11,7 +11,6 @@ use crate::measurements::springs::{self, Campaign};
 use crate::model::{L2, MachineKind};
 use crate::robot_file::RobotFile;
 use crate::springs::compliances::Springs;
-use crate::springs::setup::SetupConstants;
 
 /// The simulated campaign A, with instruments that hardly err.
 fn campaign(folder: &Folder, robot: &RobotFile<L2, AXES>) -> (Campaign<AXES>, Springs<AXES>) {
@@ -29,7 +28,7 @@ fn campaign(folder: &Folder, robot: &RobotFile<L2, AXES>) -> (Campaign<AXES>, Sp
 
 fn evaluated(robot: &RobotFile<L2, AXES>, campaign: &Campaign<AXES>) -> Vec<ThesisSprings> {
     let (geometry, file) = (robot.model.geometry(), Springs::of(robot).unwrap());
-    let question = Question { geometry: &geometry, file: &file, campaign, setup: SetupConstants::of(campaign) };
+    let question = Question::new(&geometry, &file, campaign);
     (0..campaign.series.len()).map(|series| evaluate(&question, series).unwrap()).collect()
 }
 

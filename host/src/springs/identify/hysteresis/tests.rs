@@ -51,7 +51,7 @@ fn half_widths_that_are_there_stay_and_others_go() {
         for (gauge, half_width_m) in [(1, 2e-6), (7, -1.5e-6)] {
             let place = gauges.iter().position(|other| *other == gauge).unwrap_or_else(|| panic!("{seed}: {gauge}"));
             let sd = covariance[(9 + place, 9 + place)].sqrt();
-            held += u32::from((agreement.solved.hysteresis_m[place] - half_width_m).abs() < 1.96 * sd);
+            held += u32::from((agreement.solved.state.hysteresis_m[place] - half_width_m).abs() < 1.96 * sd);
         }
         invented += gauges.len() - 2;
         assert_eq!(agreement.solved.rows.derivatives.ncols(), 9 + gauges.len());

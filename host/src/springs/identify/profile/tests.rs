@@ -8,13 +8,16 @@ use crate::fit::statistics::NORMAL_95;
 use crate::measurements::springs::Noise;
 use crate::robot_file::RobotFile;
 use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, Strap, campaign_a, never, seeded};
+use crate::springs::decision::Decision;
 use crate::springs::fit::fit;
 
 const STATED: Intervals = Intervals { is_scaled: false };
 
 fn agreed(bench: &Bench<3>) -> Option<Agreement<3>> {
     let question = bench.question();
-    let choice = Choice::all(&bench.campaign);
+    let all = Choice::all(&bench.campaign);
+    let first = rounds(&question, &all, State::start(&question), 1).ok()?;
+    let choice = Choice { held: Some(Decision::first(&question, &first).held), ..all };
     let solved = fit(&question, &choice, State::start(&question)).ok()?;
     Some(Agreement { solved, choice, refused: Vec::new() })
 }

@@ -29,7 +29,7 @@ fn measure(bench: &mut Bench<3>, truth: &Springs<3>, random: &mut ChaCha8Rng, ra
         let threshold = if stroke >= 0 { rising } else { falling };
         if -force > 0.47 * threshold { 1.0 } else { 0.0 }
     };
-    let changes: Vector6<f64> = Vector6::from_fn(|link, _| truth.machine.link_m_per_n()[link] * (ratios[link] - 1.0));
+    let changes: Vector6<f64> = Vector6::from_fn(|link, _| truth.machine.links_m_per_n[link] * (ratios[link] - 1.0));
     bench.measure_with(truth, random, beyond, |tensions_n| {
         let from_jump = 1.0 - 0.47 * rising / -tensions_n.fixed_rows::<3>(3).sum();
         let mut longer = changes.component_mul(tensions_n) * from_jump;

@@ -12,6 +12,7 @@ use crate::fit::statistics::float;
 use crate::plots::page::{escape, page};
 use crate::plots::{Corner, Curve, Plot};
 use crate::springs::agreement::deviations;
+use crate::springs::decision::unheld;
 use crate::springs::lines::Lines;
 use crate::springs::thesis::{ThesisSprings, evaluate_largest};
 
@@ -104,6 +105,7 @@ impl<const N: usize> Found<'_, N> {
         let thesis = evaluate_largest(&self.question);
         let of_noise = self.agreement.solved.covariance_of_noise(&self.question, &self.agreement.choice);
         let scale = self.intervals.variance(&self.agreement.solved);
+        let uncertainty = self.uncertainty();
         let mut table = String::from(
             "<h2>Springs</h2><table><tr><th>parameter<th>status<th>value<th>95 % interval<th>sd, %<th>by the set-up<th>file<th>largest correlation",
         );
@@ -114,18 +116,19 @@ impl<const N: usize> Found<'_, N> {
         table += "<th>as in the thesis</tr>";
         for (index, parameter) in answer.parameters.iter().enumerate() {
             let number = |value: f64| format!("{value:.4e}");
-            let variance = answer.covariance[index][index];
+            let variance = uncertainty.of_seen(index);
             let share = of_noise.as_ref().map_or(0.0, |of_noise| 1.0 - scale * of_noise[(index, index)] / variance);
             let correlated = correlated(answer, index).map_or_else(String::new, |(name, r)| format!("{r:+.2} {name}"));
             _ = write!(
                 table,
-                "<tr><td>{}<td>{}<td>{} {}<td>{} to {}{}<td>{:.2}<td>{:.0} %<td>{}<td>{}<td>{}</tr>",
+                "<tr><td>{}<td>{}<td>{} {}<td>{}{}<td>{:.2}<td>{:.0} %<td>{}<td>{}<td>{}</tr>",
                 escape(&parameter.name),
                 parameter.status.name(),
                 number(parameter.value),
                 parameter.unit,
-                number(parameter.low95),
-                number(parameter.high95),
+                parameter
+                    .interval()
+                    .map_or_else(|| "-".to_owned(), |[low, high]| format!("{} to {}", number(low), number(high))),
                 if self.profiles.iter().any(|profiled| profiled.parameter == index) { " *" } else { "" },
                 100.0 * parameter.sd / parameter.value.abs(),
                 100.0 * share.max(0.0),
@@ -186,7 +189,7 @@ impl<const N: usize> Found<'_, N> {
     }
 
     fn observability(&self) -> String {
-        let seen = &self.agreement.solved.seen;
+        let seen = unheld(&self.question, &self.agreement.choice, &self.agreement.solved);
         let mut body = String::from(
             "<h2>What can be seen</h2><p>Combinations of springs by falling standard deviation, in shares of the file's values; above 1 nothing is seen, \
              above 0.1 one digit at most.</p><table><tr><th>sd<th>combination</tr>",
