@@ -1,8 +1,8 @@
 //! Directions that no step of a fit goes along: what the readings do not see keeps the value that the fit began with.
 //!
 //! Which directions are lost depends on the state that the rows are linearised at. A direction that is stepped along while it is seen, and lost at
-//! the end, would leave its parameters anywhere. So the set is decided for the final state: a fit begins with what is lost at its start, and again
-//! from that start with what is lost at its end, until the two agree.
+//! the end, would leave its parameters anywhere. So the set is decided for the final state: a fit begins again from its start with what is lost at its
+//! end, until the two agree.
 //!
 //! A parameter most of which lies in lost directions is *kept*: it is held alone, so that its value stays to the bit, and the parameters that the
 //! readings see together with it follow. What is left of the lost directions is held as it is.

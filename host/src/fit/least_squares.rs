@@ -335,31 +335,35 @@ pub fn fit<S: Clone, E>(
     if rows.degrees() < scales.len() {
         return Err(FitError::TooFew { readings: rows.degrees(), parameters: scales.len() });
     }
-    let mut held = Held::of(&Seen::new(&rows, scales).lost_directions());
+    // At first a start may be so far off that it does not show what the end does: what is lost is decided step by step.
+    let mut held: Option<Held> = None;
     let mut decisions = 0;
     loop {
-        let begun = Fit {
-            state: start.clone(),
-            rows: rows.clone(),
-            seen: Seen::holding(&rows, scales, &held),
-            held: held.clone(),
-            rounds: 0,
-        };
-        let fit = fit_holding(begun, scales, &mut evaluate, &moved)?;
+        let seen = seen(&rows, scales, held.as_ref());
+        let none = Held::none(scales.len());
+        let begun = Fit { state: start.clone(), rows: rows.clone(), seen, held: none.clone(), rounds: 0 };
+        let fit = fit_holding(begun, scales, held.as_ref(), &mut evaluate, &moved)?;
         let lost = Seen::new(&fit.rows, scales).lost_directions();
-        let next = held.decided(&lost, decisions);
-        if next.agrees(&held) {
-            return Ok(fit);
+        let now = held.unwrap_or(none);
+        let next = now.decided(&lost, decisions);
+        if next.agrees(&now) {
+            return Ok(Fit { held: now, ..fit });
         }
-        held = next;
+        held = Some(next);
         decisions += 1;
     }
 }
 
-/// Fits a state with what it holds.
+/// What rows see, but for what is held; without that, but for what they do not see.
+fn seen(rows: &Rows, scales: &DVector<f64>, held: Option<&Held>) -> Seen {
+    held.map_or_else(|| Seen::new(rows, scales), |held| Seen::holding(rows, scales, held))
+}
+
+/// Fits a state with what is held.
 fn fit_holding<S, E>(
     begun: Fit<S>,
     scales: &DVector<f64>,
+    held: Option<&Held>,
     mut evaluate: impl FnMut(&S) -> Result<Rows, E>,
     moved: impl Fn(&S, &DVector<f64>) -> S,
 ) -> Result<Fit<S>, FitError<E>> {
@@ -379,7 +383,7 @@ fn fit_holding<S, E>(
                 let ratio = gained(&rows) / best.seen.promised(damping);
                 damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(LEAST_DECREASE, GROWTH);
                 growth = GROWTH;
-                let seen = Seen::holding(&rows, scales, &best.held);
+                let seen = seen(&rows, scales, held);
                 best = Fit { state, rows, seen, ..best };
             }
             None => {
