@@ -335,21 +335,26 @@ pub fn fit<S: Clone, E>(
     if rows.degrees() < scales.len() {
         return Err(FitError::TooFew { readings: rows.degrees(), parameters: scales.len() });
     }
-    // At first a start may be so far off that it does not show what the end does: what is lost is decided step by step.
-    let mut held: Option<Held> = None;
+    let begun = |held: Option<&Held>| {
+        let none = || Held::none(scales.len());
+        let seen = seen(&rows, scales, held);
+        Fit { state: start.clone(), rows: rows.clone(), seen, held: held.cloned().unwrap_or_else(none), rounds: 0 }
+    };
+    // A start may be so far off that it does not show what the end does: at first what is lost is decided step by step.
+    let mut found = fit_holding(begun(None), scales, None, &mut evaluate, &moved)?;
     let mut decisions = 0;
     loop {
-        let seen = seen(&rows, scales, held.as_ref());
-        let none = Held::none(scales.len());
-        let begun = Fit { state: start.clone(), rows: rows.clone(), seen, held: none.clone(), rounds: 0 };
-        let fit = fit_holding(begun, scales, held.as_ref(), &mut evaluate, &moved)?;
-        let lost = Seen::new(&fit.rows, scales).lost_directions();
-        let now = held.unwrap_or(none);
-        let next = now.decided(&lost, decisions);
-        if next.agrees(&now) {
-            return Ok(Fit { held: now, ..fit });
+        let lost = Seen::new(&found.rows, scales).lost_directions();
+        let next = found.held.decided(&lost, decisions);
+        if next.agrees(&found.held) {
+            return Ok(found);
         }
-        held = Some(next);
+        let Ok(fit) = fit_holding(begun(Some(&next)), scales, Some(&next), &mut evaluate, &moved) else {
+            // From here the start is out of reach, as where measurements contradict each other.
+            let seen = Seen::holding(&found.rows, scales, &next);
+            return Ok(Fit { seen, held: next, ..found });
+        };
+        found = fit;
         decisions += 1;
     }
 }
