@@ -1,6 +1,6 @@
 //! Directions that no step of a fit goes along: what the readings do not see keeps the value that the fit began with.
 //!
-//! Which directions are lost depends on the state that the rows are linearised at. A direction that is stepped along while it is seen, and lost at
+//! Lost directions depend on the state that the rows are linearised at. A direction that is stepped along while it is seen, and lost at
 //! the end, would leave its parameters anywhere. So the set is decided for the final state: a fit begins again from its start with what is lost at its
 //! end, until the two agree.
 //!
@@ -34,7 +34,7 @@ impl Held {
         Self { directions: DMatrix::zeros(parameters, 0), kept: Vec::new() }
     }
 
-    /// What must be held of lost directions, orthonormal columns.
+    /// Holds as many directions as are lost (orthonormal columns), parameters alone where that is enough.
     #[must_use]
     pub fn of(lost: &DMatrix<f64>) -> Self {
         let parameters = lost.nrows();
@@ -59,7 +59,7 @@ impl Held {
         held
     }
 
-    /// What must be held by what is lost at the end of a fit with this, the `decisions`-th of them.
+    /// Holds the directions that are lost at the end of a fit with this; after some `decisions` also those that were lost before.
     #[must_use]
     pub fn decided(&self, lost: &DMatrix<f64>, decisions: u32) -> Self {
         if decisions < FREE_DECISIONS {
@@ -84,18 +84,24 @@ impl Held {
         Self { directions: self.joined(&axis), kept }
     }
 
-    /// The same, and what is not held yet of a direction.
+    /// The same directions, where no parameter has kept its value.
+    #[must_use]
+    pub(super) fn without_kept(&self) -> Self {
+        Self { directions: self.directions.clone(), kept: Vec::new() }
+    }
+
+    /// The same, and the part of a direction that is not held yet.
     #[must_use]
     pub fn with(&self, direction: &DVector<f64>) -> Self {
         Self { directions: self.joined(direction), kept: self.kept.clone() }
     }
 
-    /// What is not held of a direction.
+    /// Part of a direction that is not held.
     fn outside(&self, direction: &DVector<f64>) -> DVector<f64> {
         direction - &self.directions * self.directions.tr_mul(direction)
     }
 
-    /// The directions, and what an orthonormal basis needs besides for another one.
+    /// The directions, and one more for the part of a direction that is not held, orthonormal.
     fn joined(&self, direction: &DVector<f64>) -> DMatrix<f64> {
         let count = self.directions.ncols();
         let mut joined = self.directions.clone().insert_column(count, 0.0);

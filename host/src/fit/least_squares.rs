@@ -184,6 +184,11 @@ impl Seen {
         seen
     }
 
+    /// [`holding`](Self::holding) what is held; [`new`](Self::new) where that is not decided.
+    pub(crate) fn but_held(rows: &Rows, scales: &DVector<f64>, held: Option<&Held>) -> Self {
+        held.map_or_else(|| Self::new(rows, scales), |held| Self::holding(rows, scales, &held.of_more(scales.len())))
+    }
+
     fn whole(rows: &Rows, scales: &DVector<f64>) -> Self {
         let mut scaled = rows.derivatives.clone();
         for (mut column, scale) in scaled.column_iter_mut().zip(scales) {
@@ -337,7 +342,7 @@ pub fn fit<S: Clone, E>(
     }
     let begun = |held: Option<&Held>| {
         let none = || Held::none(scales.len());
-        let seen = seen(&rows, scales, held);
+        let seen = Seen::but_held(&rows, scales, held);
         Fit { state: start.clone(), rows: rows.clone(), seen, held: held.cloned().unwrap_or_else(none), rounds: 0 }
     };
     // A start may be so far off that it does not show what the end does: at first what is lost is decided step by step.
@@ -350,18 +355,13 @@ pub fn fit<S: Clone, E>(
             return Ok(found);
         }
         let Ok(fit) = fit_holding(begun(Some(&next)), scales, Some(&next), &mut evaluate, &moved) else {
-            // From here the start is out of reach, as where measurements contradict each other.
+            // From here the start is out of reach, as where measurements contradict each other. No parameter has kept its value.
             let seen = Seen::holding(&found.rows, scales, &next);
-            return Ok(Fit { seen, held: next, ..found });
+            return Ok(Fit { seen, held: next.without_kept(), ..found });
         };
         found = fit;
         decisions += 1;
     }
-}
-
-/// What rows see, but for what is held; without that, but for what they do not see.
-fn seen(rows: &Rows, scales: &DVector<f64>, held: Option<&Held>) -> Seen {
-    held.map_or_else(|| Seen::new(rows, scales), |held| Seen::holding(rows, scales, held))
 }
 
 /// Fits a state with what is held.
@@ -388,7 +388,7 @@ fn fit_holding<S, E>(
                 let ratio = gained(&rows) / best.seen.promised(damping);
                 damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(LEAST_DECREASE, GROWTH);
                 growth = GROWTH;
-                let seen = seen(&rows, scales, held);
+                let seen = Seen::but_held(&rows, scales, held);
                 best = Fit { state, rows, seen, ..best };
             }
             None => {

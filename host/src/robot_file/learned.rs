@@ -97,6 +97,12 @@ pub struct WristJoint {
 /// Checks what a file says of its own uncertainty; `springs` are its compliances.
 pub(super) fn identified(identified: &Identified, springs: usize) -> Result<(), Problem> {
     range("identified.chi2", identified.chi2, 0.0, f64::MAX)?;
+    let relative_to = &identified.relative_to;
+    let is_one = |value: &f64| value.is_finite() && *value > 0.0;
+    if !relative_to.is_empty() && (relative_to.len() != springs || !relative_to.iter().all(is_one)) {
+        let reason = format!("must have {springs} entries, all positive");
+        return Err(Problem::new("identified.relative_to".to_owned(), reason));
+    }
     spread("identified", &identified.sd, &identified.covariance, springs)
 }
 

@@ -203,3 +203,21 @@ fn a_calibration_has_the_parameters_of_its_machine() {
         }
     }
 }
+
+/// Deviations that are relative to nothing.
+#[test]
+fn compliances_that_deviations_are_relative_to_are_positive() {
+    let zeros = format!("[{}]", ["0.0"; 9].join(", "));
+    let of = |relative_to: &str| {
+        let rows = format!("[{}]", [zeros.as_str(); 9].join(", "));
+        let section = format!(
+            "[identified]\nmeasurements = \"springs.csv\"\ncrc = 1\nwindows = 9\nchi2 = 1.0\ndof = 9\nsd = {zeros}\ncovariance = {rows}\n"
+        );
+        AnyRobotFile::parse("mine.toml", &format!("{}\n{section}{relative_to}", text_of("l2").unwrap()))
+    };
+    assert!(of("").is_ok() && of(&format!("relative_to = {}\n", zeros.replace("0.0", "1e-7"))).is_ok());
+    for wrong in [zeros.clone(), "[1e-7]".to_owned(), zeros.replace("0.0", "nan"), zeros.replace("0.0", "-1e-7")] {
+        let error = of(&format!("relative_to = {wrong}\n")).unwrap_err().to_string();
+        assert!(error.contains("identified.relative_to: must have 9 entries, all positive"), "{error}");
+    }
+}

@@ -19,7 +19,7 @@ pub(crate) struct Choice {
     pub(crate) hysteresis: Vec<usize>,
     /// A drift of each gauge in each series is fitted.
     pub(crate) has_drift: bool,
-    /// Directions that no step goes along, of the springs and perhaps of what is fitted besides; `None`: those that are lost where a step begins.
+    /// Directions that no step goes along, of the springs; `None`: those that are lost where a step begins.
     pub(crate) held: Option<Held>,
 }
 

@@ -1,4 +1,4 @@
-//! Which springs a campaign measures, decided once, for the state at the end.
+//! Springs that a campaign measures, decided once, for the state at the end.
 
 use nalgebra::{DMatrix, DVector};
 

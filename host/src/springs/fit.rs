@@ -9,6 +9,9 @@
 //!     w* <- w - S z + Sigma_w H^T Cov^-1 (r - J dc - B dz - zeros)
 //!
 //! with one block of `Cov` per window, whose gauges share the error of its load. Zeros and constants are eliminated first.
+//!
+//! A step goes down the gradient of these rows, by the curvature of the same rows at the loads without their noise (Fisher's scoring), which also say
+//! what the campaign shows: noise of a load moves every link, and shows none.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -139,16 +142,8 @@ impl<const N: usize> Solved<N> {
     fn seen_exactly(&self, question: &Question<'_, N>, choice: &Choice) -> Option<(Blocks, Seen)> {
         let lines: Vec<Lines> = self.lines.iter().map(|lines| lines.shown().without_setup()).collect();
         let blocks = Blocks::new(&question.exact(), choice, &lines, &DVector::zeros(0), &[])?;
-        let seen = seen(choice, &blocks.rows, &scales(question, choice, &self.state));
+        let seen = Seen::but_held(&blocks.rows, &scales(question, choice, &self.state), choice.held.as_ref());
         Some((blocks, seen))
-    }
-}
-
-/// What rows see of the parameters.
-fn seen(choice: &Choice, rows: &Rows, scales: &DVector<f64>) -> Seen {
-    match &choice.held {
-        Some(held) => Seen::holding(rows, scales, &held.of_more(scales.len())),
-        None => Seen::new(rows, scales),
     }
 }
 
@@ -232,7 +227,7 @@ impl<const N: usize> Linearised<N> {
             let shown: Vec<Lines> = lines.iter().map(Lines::shown).collect();
             Blocks::new(question, choice, &shown, &state.setup, &[]).ok_or(SpringsError::Noise)?.rows
         };
-        let seen = seen(choice, &shown, &scales);
+        let seen = Seen::but_held(&shown, &scales, choice.held.as_ref());
         Ok(Self { state, lines, blocks, shown, seen })
     }
 

@@ -174,9 +174,9 @@ impl<'a, const N: usize> Question<'a, N> {
     /// The same with what the file says of its compliances, where it was identified.
     pub(crate) fn known(self, identified: &Identified) -> Self {
         let count = self.file.count();
-        let relative_to = match identified.relative_to.len() {
-            length if length == count => DVector::from_column_slice(&identified.relative_to),
-            _ => self.relative_to,
+        let relative_to = match identified.relative_to.as_slice() {
+            [] => self.relative_to,
+            stated => DVector::from_column_slice(stated),
         };
         let prior = DMatrix::from_fn(count, count, |row, column| {
             let of = |row: usize, column: usize| {

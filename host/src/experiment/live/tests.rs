@@ -208,16 +208,7 @@ fn a_campaign_over_loopback_measures_the_machine() {
 
 /// Springs of a machine by `identify`: from its table of windows, or from one of ticks.
 fn identified(folder: &Folder, robot: &RobotFile<L2, 3>, raw: Option<PathBuf>) -> Vec<f64> {
-    let options = IdentifyOptions {
-        setup: folder.path("plan.toml"),
-        raw,
-        robot: "l2".to_owned(),
-        is_scaled: false,
-        is_robust: true,
-        has_two_regimes: false,
-        has_hysteresis: false,
-        has_drift: false,
-    };
+    let options = IdentifyOptions { raw, ..IdentifyOptions::new(folder.path("plan.toml"), "l2") };
     let answer: serde_json::Value = serde_json::from_str(&identify(robot, &options).unwrap().json).unwrap();
     answer["parameters"].as_array().unwrap().iter().map(|parameter| parameter["value"].as_f64().unwrap()).collect()
 }

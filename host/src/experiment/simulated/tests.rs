@@ -142,16 +142,7 @@ fn the_springs_are_found_within_their_intervals() {
 
 /// Answer of an identification of `plan.toml` and its table.
 fn identified(folder: &Folder, robot: &RobotFile<L2, 3>) -> serde_json::Value {
-    let options = IdentifyOptions {
-        raw: None,
-        setup: folder.path("plan.toml"),
-        robot: "l2".to_owned(),
-        is_scaled: false,
-        is_robust: true,
-        has_two_regimes: false,
-        has_hysteresis: false,
-        has_drift: false,
-    };
+    let options = IdentifyOptions::new(folder.path("plan.toml"), "l2");
     serde_json::from_str(&identify(robot, &options).unwrap().json).unwrap()
 }
 

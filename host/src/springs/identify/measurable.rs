@@ -29,7 +29,7 @@ impl<const N: usize> Found<'_, N> {
         )
     }
 
-    /// Directions in which one more strap, at the hook of the first series and as strong as the strongest, would measure a spring.
+    /// Directions in which one more strap, as strong as the strongest and at its hook, would measure a spring.
     fn directions(&self, spring: usize) -> Vec<&'static str> {
         let would = |direction: &&(&str, Vector3<f64>)| {
             with_strap(self.question.campaign, &direction.1).is_some_and(|campaign| {

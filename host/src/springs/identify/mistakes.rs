@@ -67,7 +67,7 @@ impl Mistake {
         let gauge = |gauge: usize| Self {
             columns: Columns::Gauge(gauge),
             factor: -1.0,
-            reason: "the readings fall where the others let expect that they rise; the gauge's axis is reversed, or its sign",
+            reason: "the readings fall where by the others they should rise; the gauge's axis is reversed, or its sign",
         };
         groups.into_iter().chain(single).chain((0..gauges).map(gauge))
     }

@@ -63,6 +63,23 @@ pub struct IdentifyOptions {
     pub has_drift: bool,
 }
 
+impl IdentifyOptions {
+    /// Springs alone, by the stated noise, from readings that agree.
+    #[must_use]
+    pub fn new(setup: PathBuf, robot: &str) -> Self {
+        Self {
+            setup,
+            raw: None,
+            robot: robot.to_owned(),
+            is_scaled: false,
+            is_robust: true,
+            has_two_regimes: false,
+            has_hysteresis: false,
+            has_drift: false,
+        }
+    }
+}
+
 /// Reason why there is no identification.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum IdentifyError {

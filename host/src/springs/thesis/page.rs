@@ -1,7 +1,7 @@
 //! Page with the thesis' evaluation of every series, beside what `identify` finds in the same windows, and what the thesis prints.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gantry_tau_core::model::robot::LINKS;
 
@@ -40,16 +40,7 @@ pub fn page<K: MachineKind<N>, const N: usize>(
     let question = || Question::new(&geometry, &file, &campaign);
     let asked = question();
     let all: Vec<ThesisSprings> = (0..campaign.series.len()).filter_map(|series| evaluate(&asked, series)).collect();
-    let options = IdentifyOptions {
-        setup: setup.to_owned(),
-        raw: None::<PathBuf>,
-        robot: robot.name.clone(),
-        is_scaled: false,
-        is_robust: true,
-        has_two_regimes: false,
-        has_hysteresis: false,
-        has_drift: false,
-    };
+    let options = IdentifyOptions::new(setup.to_owned(), &robot.name);
     let found = answer_of(question(), K::MODEL, &options);
     let file = file.vector();
     let file = file.as_slice();
