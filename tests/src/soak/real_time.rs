@@ -309,7 +309,11 @@ fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut
         let heard = match stream.read(&mut buffer) {
             Ok(0) => break,
             Ok(count) => vec![buffer[..count].to_vec()],
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Vec::new(),
+            Err(error)
+                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) =>
+            {
+                Vec::new()
+            }
             Err(_) => break,
         };
         let said = client.live(began.elapsed(), &heard, noise);

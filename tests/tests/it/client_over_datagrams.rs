@@ -1,5 +1,6 @@
 //! The client over UDP: what comes twice, or has been overtaken, is not answered again.
 
+use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::Ordering;
 
@@ -37,7 +38,12 @@ impl Server {
     /// Waits for the client's next message, which the coming tick has.
     fn receive(&mut self) -> ClientMessage<3> {
         let mut buffer = [0; MAX_FRAME];
-        let (count, from) = self.socket.recv_from(&mut buffer).unwrap();
+        let (count, from) = loop {
+            match self.socket.recv_from(&mut buffer) {
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                received => break received.unwrap(),
+            }
+        };
         self.client = Some(from);
         self.endpoint.feed(self.connection, &buffer[..count]);
         decode_client(&Frame::parse(&buffer[..count]).unwrap()).unwrap()

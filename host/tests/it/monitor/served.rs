@@ -233,7 +233,7 @@ fn a_suspended_monitor_is_dropped_and_says_so_when_it_goes_on() {
     let mut fifth = TcpStream::connect(port).unwrap();
     fifth.set_read_timeout(Some(PATIENCE)).unwrap();
     monitor.signal("-STOP");
-    assert_eq!(fifth.read(&mut [0]).unwrap(), 1);
+    fifth.read_exact(&mut [0]).unwrap();
     monitor.signal("-CONT");
     monitor.await_words("the server has ended, or dropped this reader because it did not keep up");
     drop((fifth, others));

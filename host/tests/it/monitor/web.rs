@@ -1,6 +1,6 @@
 //! `monitor --web`: the page, its pictures, and requests that are refused.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
@@ -43,35 +43,33 @@ pub(super) fn get(page: SocketAddr, path: &str) -> String {
 }
 
 /// A reader of the pictures.
-struct Reader {
-    stream: TcpStream,
-    text: String,
-}
+struct Reader(BufReader<TcpStream>);
 
 impl Reader {
     fn of(page: SocketAddr) -> Self {
         let mut stream = TcpStream::connect(page).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         write!(stream, "GET /live HTTP/1.1\r\nHost: {page}\r\nOrigin: http://{page}\r\n\r\n").unwrap();
-        Self { stream, text: String::new() }
+        Self(BufReader::new(stream))
     }
 
     /// The next event of a kind, `message` for a picture.
     fn next(&mut self, kind: &str) -> Value {
+        let (mut named, mut data) = (String::from("message"), None);
         loop {
-            while let Some((event, rest)) = self.text.split_once("\n\n") {
-                let named = event.lines().find_map(|line| line.strip_prefix("event: ")).unwrap_or("message");
-                let data = event.lines().find_map(|line| line.strip_prefix("data: "));
-                let found = (named == kind).then(|| data.map(|data| serde_json::from_str(data).unwrap())).flatten();
-                self.text = rest.to_owned();
-                if let Some(found) = found {
-                    return found;
+            let mut line = String::new();
+            let count = self.0.read_line(&mut line).unwrap();
+            assert!(count > 0, "the pictures end");
+            if let Some(name) = line.strip_prefix("event: ") {
+                name.trim_end().clone_into(&mut named);
+            } else if let Some(json) = line.strip_prefix("data: ") {
+                data = Some(serde_json::from_str(json).unwrap());
+            } else if line == "\n" {
+                match data.take() {
+                    Some(data) if named == kind => return data,
+                    _ => "message".clone_into(&mut named),
                 }
             }
-            let mut chunk = [0; 4_096];
-            let count = self.stream.read(&mut chunk).unwrap();
-            assert!(count > 0, "the pictures end");
-            self.text.push_str(std::str::from_utf8(&chunk[..count]).unwrap());
         }
     }
 }
@@ -270,7 +268,8 @@ fn slow_requests_are_ended_and_slow_readers_dropped_while_others_see_every_tick(
         match slow.read(&mut chunk) {
             Ok(0) => break,
             Ok(count) => said.extend_from_slice(&chunk[..count]),
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            Err(error)
+                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(_) => was_reset = true,
         }
     }

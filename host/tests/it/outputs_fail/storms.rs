@@ -19,7 +19,7 @@ fn hello(bench: &Bench) {
     let frame = Client::<3>::new(Transport::Stream, requirements).hello().unwrap();
     let mut stream = TcpStream::connect((bench.ip, 7000)).unwrap();
     stream.write_all(&frame).unwrap();
-    assert_eq!(stream.read(&mut [0]).unwrap(), 1);
+    stream.read_exact(&mut [0]).unwrap();
 }
 
 /// Sums the numbers in front of these words.
