@@ -9,10 +9,16 @@ pub(crate) fn read_text(path: &Path, longest: u64) -> Result<String, String> {
     let mut text = String::new();
     let read = File::open(path).and_then(|file| file.take(longest.saturating_add(1)).read_to_string(&mut text));
     match read.map(u64::try_from) {
-        Err(error) => Err(error.to_string()),
+        Err(error) => Err(plain(&error)),
         Ok(Ok(length)) if length <= longest => Ok(text),
         Ok(_) => Err(format!("is longer than {longest} bytes")),
     }
+}
+
+/// Words of an error of the system, without its number.
+pub(crate) fn plain(error: &io::Error) -> String {
+    let text = error.to_string();
+    text.split_once(" (os error ").map_or(text.as_str(), |(words, _)| words).to_owned()
 }
 
 /// Result of reading a line.

@@ -12,7 +12,7 @@ use gantry_tau::dial::Addresses;
 use gantry_tau::experiment::live::{self, LiveOptions, keyboard};
 use gantry_tau::experiment::simulated::simulate;
 use gantry_tau::experiment::table::Table;
-use gantry_tau::experiment::tracker::{TrackedMachine, track};
+use gantry_tau::experiment::tracker::{Tracked, TrackedMachine, track};
 use gantry_tau::force_sensor::SensorSource;
 use gantry_tau::measurements::format_of;
 use gantry_tau::measurements::plan::{self, Plan};
@@ -110,7 +110,7 @@ impl Experiment {
         if self.thesis.is_some() {
             return Err("--thesis is for springs; leave it out".into());
         }
-        let table = match AnyRobotFile::named(&self.robot)? {
+        let Tracked { table, skipped } = match AnyRobotFile::named(&self.robot)? {
             AnyRobotFile::L2(robot) => self.tracked(*robot, seed)?,
             AnyRobotFile::F1(robot) => self.tracked(*robot, seed)?,
         };
@@ -121,6 +121,9 @@ impl Experiment {
         Output::new(&*self.output, Kind::Table).write(&table)?;
         let poses = table.lines().count().saturating_sub(1);
         say(format_args!("{}: {poses} poses of the simulated machine", self.output.display()));
+        for pose in skipped {
+            tracing::warn!("pose {pose} is skipped: the machine cannot stand there");
+        }
         Ok(ExitCode::SUCCESS)
     }
 
@@ -128,7 +131,7 @@ impl Experiment {
         &self,
         mut robot: RobotFile<K, N>,
         seed: Option<u64>,
-    ) -> Result<String, Box<dyn std::error::Error>> {
+    ) -> Result<Tracked, Box<dyn std::error::Error>> {
         robot.simulation.seed = seed.unwrap_or(robot.simulation.seed);
         let (plan, noise) = PosesPlan::read(&self.plan, K::MODEL)?;
         Ok(track(&robot, &plan, &noise)?)

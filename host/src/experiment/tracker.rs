@@ -1,6 +1,5 @@
 //! Poses of a plan as a simulated camera or tracker sees them: a machine that is a little off its file, in the frame of the device.
 
-use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::{f1, l2};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 use rand::SeedableRng;
@@ -8,11 +7,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::ExperimentError;
-use crate::geometry::f1::forward;
-use crate::geometry::l2::Nominal;
+use crate::geometry::deviation::Deviating;
 use crate::measurements::poses::{Noise, PlannedPose, PosesPlan};
 use crate::measurements::table;
-use crate::model::{F1, L2, MachineKind};
+use crate::model::{F1, L2};
 use crate::output::Name;
 use crate::robot_file::RobotFile;
 
@@ -26,64 +24,18 @@ const TARGET_M: [f64; 3] = [0.03, -0.02, 0.08];
 const TARGET_RAD: [f64; 3] = [0.1, -0.3, 1.2];
 
 /// Kind of machine that a tracker can be simulated for.
-pub trait TrackedMachine<const N: usize>: MachineKind<N> {
-    /// Returns a machine that is a little off this one: each number of its geometry by `draw` times `off_m`.
-    ///
-    /// # Errors
-    /// A sentence about a geometry that cannot be.
-    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String>;
-
-    /// Returns the pose with the axes at `q`, near another; `None` where the links do not meet.
-    fn stand(&self, q: &[f64; N], near: &Pose) -> Option<Pose>;
-
+pub trait TrackedMachine<const N: usize>: Deviating<N> {
     /// Target on the platform.
     fn target() -> Isometry3<f64>;
 }
 
 impl TrackedMachine<{ l2::AXES }> for L2 {
-    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String> {
-        let geometry = self.robot().geometry();
-        let file = Nominal::of(geometry);
-        let mut vector = || Vector3::new(draw(), draw(), draw()) * off_m;
-        let truth = Nominal {
-            origins_m: file.origins_m.map(|origin| origin + vector()),
-            guideways: file.guideways.map(|guideway| guideway + vector()),
-            lengths_m: file.lengths_m.map(|length| length + vector().x),
-        };
-        truth.kinematics(geometry.configuration).map_err(|error| error.to_string())
-    }
-
-    fn stand(&self, q: &[f64; l2::AXES], _: &Pose) -> Option<Pose> {
-        self.forward(q).ok().map(Pose::at)
-    }
-
     fn target() -> Isometry3<f64> {
         Isometry3::identity()
     }
 }
 
 impl TrackedMachine<{ f1::AXES }> for F1 {
-    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String> {
-        let file = *self.robot().geometry();
-        let mut vector = || Vector3::new(draw(), draw(), draw()) * off_m;
-        let truth = f1::Geometry {
-            carts_m: file.carts_m.map(|joint| joint + vector()),
-            guideways: file.guideways.map(|guideway| guideway + vector()),
-            plate_joints_m: file.plate_joints_m.map(|joint| joint + vector()),
-            platform_joints_m: file.platform_joints_m.map(|joint| joint + vector()),
-            lengths_m: file.lengths_m.map(|length| length + vector().x),
-            turn_axis: (file.turn_axis + vector()).normalize(),
-            tilt_axis: (file.tilt_axis + vector()).normalize(),
-            travel: None,
-            ..file
-        };
-        f1::Robot::new(truth).map(|robot| Self::new(&robot)).map_err(|error| error.to_string())
-    }
-
-    fn stand(&self, q: &[f64; f1::AXES], near: &Pose) -> Option<Pose> {
-        forward(self, q, near).ok()
-    }
-
     fn target() -> Isometry3<f64> {
         Isometry3::from_parts(
             Translation3::from(Vector3::from(TARGET_M)),
@@ -92,8 +44,17 @@ impl TrackedMachine<{ f1::AXES }> for F1 {
     }
 }
 
-/// Returns the table of a plan of poses, as a device with the plan's noise sees a machine that is off its file by
-/// `[simulation] geometry_mm`; its seed decides every error.
+/// Table of measured poses, and the planned ones that the machine cannot stand in, by name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tracked {
+    /// The table.
+    pub table: String,
+    /// Poses without a row.
+    pub skipped: Vec<Name>,
+}
+
+/// Returns what a device with the plan's noise sees in the poses of a plan, of a machine that is off its file by `[simulation] geometry_mm`; its seed
+/// decides every error.
 ///
 /// # Errors
 /// [`ExperimentError`].
@@ -101,7 +62,7 @@ pub fn track<K: TrackedMachine<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     plan: &PosesPlan,
     noise: &Noise,
-) -> Result<String, ExperimentError> {
+) -> Result<Tracked, ExperimentError> {
     let mut generator = ChaCha8Rng::seed_from_u64(robot.simulation.seed);
     generator.set_stream(TRACKER_STREAM);
     let mut draw = || -> f64 { StandardNormal.sample(&mut generator) };
@@ -115,12 +76,13 @@ pub fn track<K: TrackedMachine<N>, const N: usize>(
     let machine = robot.model.off(off_m, &mut draw).map_err(|reason| refused(&Name::made("of the machine"), reason))?;
     // Lower triangular: without a stated noise of rotations, places have their own.
     let root = noise.covariance(&Matrix3::identity()).cholesky().map_or_else(Matrix6::zeros, |factor| factor.l());
-    let mut table = plan.header::<N>();
+    let (mut table, mut skipped) = (plan.header::<N>(), Vec::new());
     for planned in &plan.poses {
         let q = axes(planned).ok_or_else(|| refused(&planned.name, format!("q has not {N} entries")))?;
-        let pose = machine
-            .stand(&q, &planned.pose())
-            .ok_or_else(|| refused(&planned.name, "the machine cannot stand there".to_owned()))?;
+        let Some(pose) = machine.stand(&q, &planned.pose()) else {
+            skipped.push(planned.name.clone());
+            continue;
+        };
         let rotation = UnitQuaternion::from_matrix(&pose.rotation);
         let seen = device * Isometry3::from_parts(Translation3::from(pose.position_m), rotation) * K::target();
         let mut drawn = Vector6::zeros();
@@ -135,7 +97,7 @@ pub fn track<K: TrackedMachine<N>, const N: usize>(
         }
         table += &table::row(&row);
     }
-    Ok(table)
+    Ok(Tracked { table, skipped })
 }
 
 fn axes<const N: usize>(planned: &PlannedPose) -> Option<[f64; N]> {

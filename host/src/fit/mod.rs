@@ -7,6 +7,7 @@
 #![expect(clippy::indexing_slicing, reason = "rows, columns and parameters are counted by the matrices themselves")]
 
 pub mod answer;
+pub(crate) mod goodness;
 pub mod held;
 pub mod least_squares;
 pub mod runs;

@@ -162,7 +162,7 @@ pub(super) fn agreeing_with<M: Model>(model: &M, fit: &Fit<M::State>, used: &[us
 }
 
 /// Indices of the poses that agree with a machine.
-fn agreeing<M: Model>(model: &M, state: &M::State) -> Vec<usize> {
+pub(super) fn agreeing<M: Model>(model: &M, state: &M::State) -> Vec<usize> {
     within::<M>(&(0..model.count()).map(|index| model.length_sd(state, index)).collect::<Vec<_>>())
 }
 

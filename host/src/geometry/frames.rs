@@ -8,6 +8,9 @@ use nalgebra::{
 use crate::fit::least_squares::{Rows, fit};
 use crate::fit::statistics::{float, median};
 
+/// Lever by which a turn counts beside a place, m; also that of the noise of rotations where none is stated.
+pub(crate) const LEVER_M: f64 = 0.5;
+
 /// Returns the motion `H` with the smallest sum of squares of `to - H from`; `None` for fewer than three pairs.
 ///
 /// The rotation is the eigenvector of the largest eigenvalue of a symmetric 4 x 4 matrix (B. K. P. Horn, "Closed-form solution of absolute
@@ -37,14 +40,17 @@ pub fn rigid(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3<f64>> {
     Some(Isometry3::from_parts(Translation3::from(to_mean - rotation * from_mean), rotation))
 }
 
-/// As [`rigid`], of the pairs that agree: those further away than three times the median distance are left out, until nothing changes.
+/// As [`rigid`], of the pairs that agree: those further away than three times the median distance are left out, until nothing changes. Begun from the
+/// motion of all or of a few of them, of which the median is smallest: a pair may be wrong by kilometres.
 #[must_use]
 pub fn rigid_trimmed(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3<f64>> {
-    let mut motion = rigid(pairs)?;
+    let parts = pairs.len() / FEW;
+    let of_part = |first: usize| rigid(&pairs.iter().skip(first).step_by(parts).copied().collect::<Vec<_>>());
+    let motions = std::iter::once(rigid(pairs)?).chain((0..parts).filter_map(of_part));
+    let mut motion = motions.min_by(|one, other| median_m(pairs, one).total_cmp(&median_m(pairs, other)))?;
     for _ in 0..10 {
-        let distance = |(from, to): &(Vector3<f64>, Vector3<f64>)| (to - apply(&motion, from)).norm();
-        let limit = 3.0 * median(pairs.iter().map(distance).collect());
-        let agreeing: Vec<_> = pairs.iter().filter(|pair| distance(pair) <= limit).copied().collect();
+        let limit = 3.0 * median_m(pairs, &motion);
+        let agreeing: Vec<_> = pairs.iter().filter(|pair| distance_m(pair, &motion) <= limit).copied().collect();
         let next = rigid(&agreeing)?;
         let settled = (next.to_homogeneous() - motion.to_homogeneous()).amax() < 1e-12;
         motion = next;
@@ -54,6 +60,26 @@ pub fn rigid_trimmed(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3
     }
     Some(motion)
 }
+
+/// Indices of the pairs that a motion brings together, at most three times as far apart as the median; all of them if there is no motion.
+#[must_use]
+pub(super) fn near(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Vec<usize> {
+    let Some(motion) = rigid_trimmed(pairs) else { return (0..pairs.len()).collect() };
+    let limit = 3.0 * median_m(pairs, &motion);
+    (0..pairs.len()).filter(|index| distance_m(&pairs[*index], &motion) <= limit).collect()
+}
+
+/// Distance that a motion leaves in a pair, m.
+fn distance_m((from, to): &(Vector3<f64>, Vector3<f64>), motion: &Isometry3<f64>) -> f64 {
+    (to - apply(motion, from)).norm()
+}
+
+fn median_m(pairs: &[(Vector3<f64>, Vector3<f64>)], motion: &Isometry3<f64>) -> f64 {
+    median(pairs.iter().map(|pair| distance_m(pair, motion)).collect())
+}
+
+/// Pairs that a motion is told by.
+const FEW: usize = 4;
 
 /// Numbers of the target's place among the twelve of the frames: device (place, turn), target (place, turn).
 const TARGET_PLACE: std::ops::Range<usize> = 6..9;

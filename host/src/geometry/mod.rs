@@ -5,6 +5,7 @@
 pub mod agreement;
 pub mod answer;
 pub mod calibrate;
+pub mod deviation;
 pub mod f1;
 pub mod frames;
 pub mod l2;

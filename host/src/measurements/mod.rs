@@ -4,6 +4,7 @@
 pub mod frame;
 pub mod plan;
 pub mod poses;
+pub(crate) mod repeated;
 mod setup;
 pub mod springs;
 pub(crate) mod table;

@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::repeated::{self, Column};
 use super::table::{self, Row, Table};
 use super::{FileError, setup};
 use crate::geometry::MeasuredPose;
@@ -17,8 +18,8 @@ pub use plan::{PlannedPose, PosesPlan};
 pub const FORMAT: &str = "gantry-tau poses 1";
 /// Largest position of an axis, q-units, and of a target, m.
 const MOST: f64 = 1e3;
-/// Largest deviation of a quaternion from unit length.
-const UNIT: f64 = 1e-6;
+/// Largest deviation of a quaternion from unit length: four digits of each part are usual.
+const UNIT: f64 = 2e-4;
 /// Range of a standard deviation, µm or µrad.
 const NOISE: (f64, f64) = (1e-6, 1e6);
 
@@ -127,8 +128,10 @@ fn measured<const N: usize>(
     bytes: &[u8],
 ) -> Result<Poses<N>, FileError> {
     let table = setup::beside(path, &file.measurements);
-    let poses = rows(&table, bytes)?;
-    Ok(Poses { model: file.model, table: table.display().to_string(), crc: crc32fast::hash(bytes), noise, poses })
+    let (lines, poses): (Vec<u64>, Vec<MeasuredPose<N>>) = rows(&table, bytes)?.into_iter().unzip();
+    let table = table.display().to_string();
+    repeated::check(&table, &lines, "pose", &columns(&noise, &poses))?;
+    Ok(Poses { model: file.model, table, crc: crc32fast::hash(bytes), noise, poses })
 }
 
 fn noise(section: &NoiseSection) -> Result<Noise, (&'static str, String)> {
@@ -176,10 +179,21 @@ fn is_covariance(matrix: &DMatrix<f64>) -> bool {
         && matrix.clone().cholesky().is_some()
 }
 
-fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<MeasuredPose<N>>, FileError> {
+/// Columns of places.
+fn columns<const N: usize>(noise: &Noise, poses: &[MeasuredPose<N>]) -> Vec<Column> {
+    let column = |axis: usize| Column {
+        name: PLACE[axis].to_owned(),
+        sd: Some(noise.position_m2[(axis, axis)].sqrt()),
+        values: poses.iter().map(|pose| Some(pose.position_m[axis])).collect(),
+    };
+    (0..3).map(column).collect()
+}
+
+/// Poses, with their lines.
+fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<(u64, MeasuredPose<N>)>, FileError> {
     let axes: [String; N] = std::array::from_fn(|axis| format!("q_{}", axis + 1));
-    let mut required: Vec<String> = ["pose", "x_m", "y_m", "z_m"].map(str::to_owned).to_vec();
-    required.extend(axes.iter().cloned());
+    let mut required = vec!["pose".to_owned()];
+    required.extend(PLACE.map(str::to_owned).into_iter().chain(axes.iter().cloned()));
     let table = Table::begin(path, bytes, &required, |column| QUATERNION.contains(&column))?;
     let turned = QUATERNION.map(|column| table.has(column));
     if turned != [turned[0]; 4] {
@@ -200,12 +214,16 @@ fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<MeasuredPose<N>
         for (q, column) in q.iter_mut().zip(&axes) {
             *q = row.number(column, MOST)?;
         }
-        let position_m = Vector3::new(row.number("x_m", MOST)?, row.number("y_m", MOST)?, row.number("z_m", MOST)?);
+        let mut position_m = Vector3::zeros();
+        for (coordinate, column) in position_m.iter_mut().zip(PLACE) {
+            *coordinate = row.number(column, MOST)?;
+        }
         let rotation = if turned[0] { Some(rotation(row)?) } else { None };
-        Ok(MeasuredPose { name, q, position_m, rotation })
+        Ok((row.line(), MeasuredPose { name, q, position_m, rotation }))
     })
 }
 
+const PLACE: [&str; 3] = ["x_m", "y_m", "z_m"];
 const QUATERNION: [&str; 4] = ["rot_w", "rot_x", "rot_y", "rot_z"];
 
 fn rotation(row: &Row<'_>) -> Result<UnitQuaternion<f64>, FileError> {

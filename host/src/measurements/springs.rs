@@ -7,7 +7,9 @@ use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::{SVector, Vector6};
 
 use super::plan::before_remount;
+use super::repeated::{self, Column};
 use super::{FileError, setup, table};
+use crate::fit::statistics::float;
 use crate::output::Name;
 
 mod plan;
@@ -154,6 +156,36 @@ impl<const N: usize> Campaign<N> {
             earlier.push(window);
         }
         Ok(())
+    }
+
+    /// Checks that no row is a copy of one under another name, and that no column stands still or is cut at an end.
+    ///
+    /// # Errors
+    /// [`FileError`], naming line and column.
+    pub fn check_repeated(&self) -> Result<(), FileError> {
+        let lines: Vec<u64> = self.windows.iter().map(|window| window.line).collect();
+        repeated::check(&self.table, &lines, "window", &self.columns())
+    }
+
+    /// Columns of poses, gauges and loads.
+    fn columns(&self) -> Vec<Column> {
+        let column = |name: String, sd: Option<f64>, value: &dyn Fn(&Window<N>) -> Option<f64>| Column {
+            name,
+            sd,
+            values: self.windows.iter().map(value).collect(),
+        };
+        let sds = self.noise.load_variances().map(f64::sqrt);
+        let gauge = |(index, gauge): (usize, &NamedGauge)| {
+            column(format!("{}_um", gauge.name), Some(self.noise.gauge_um * 1e-6), &|window| window.readings_m[index])
+        };
+        let load = |(index, name): (usize, &&str)| {
+            column((*name).to_owned(), Some(sds[index]), &|window| Some(window.load[index]))
+        };
+        let pose = column("pose".to_owned(), None, &|window| Some(float(window.pose)));
+        std::iter::once(pose)
+            .chain(self.gauges.iter().enumerate().map(gauge))
+            .chain(LOAD.iter().enumerate().map(load))
+            .collect()
     }
 
     /// Returns an error about a column of a window.

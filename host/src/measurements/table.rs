@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::FileError;
+use crate::lines::plain;
 use crate::output::Name;
 
 /// Largest number of rows of a table.
@@ -32,7 +33,7 @@ pub(crate) struct Row<'a> {
 /// # Errors
 /// [`FileError`].
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
-    let refused = |error| FileError::whole(&path.display().to_string(), error);
+    let refused = |error| FileError::whole(&path.display().to_string(), plain(&error));
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(refused)?;
     file.take(MAX_LEN + 1).read_to_end(&mut bytes).map_err(refused)?;
@@ -77,6 +78,13 @@ impl<R: Read> Table<R> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
         let header: Vec<String> =
             reader.headers().map_err(|error| FileError::whole(&name, error))?.iter().map(present_name).collect();
+        if let [one] = header.as_slice()
+            && let Some(separator) = [';', '\t'].into_iter().find(|separator| one.contains(*separator))
+        {
+            let reason =
+                format!("columns are separated by {separator:?}; expected ',' (and '.' in numbers), as CSV has it");
+            return Err(FileError::at(&name, 1, "", reason));
+        }
         for (index, column) in header.iter().enumerate() {
             if header.iter().take(index).any(|other| other == column) {
                 return Err(FileError::at(&name, 1, column, "this column stands twice"));

@@ -6,6 +6,7 @@ use std::path::Path;
 use gantry_tau_core::model::statics::Wrench;
 use serde::Deserialize;
 
+use super::repeated::{self, Column};
 use super::springs::{LOAD, MOST, NOISE, axis_columns};
 use super::table::{self, Table};
 use super::{FileError, setup};
@@ -61,10 +62,10 @@ pub struct ToolReadings<const N: usize> {
 }
 
 impl<const N: usize> ToolReadings<N> {
-    /// Returns an error about the axes of a reading.
+    /// Returns an error about a column of a reading.
     #[must_use]
-    pub fn error(&self, reading: &ToolReading<N>, reason: impl std::fmt::Display) -> FileError {
-        FileError::at(&self.table, reading.line, "q_1", reason)
+    pub fn error(&self, reading: &ToolReading<N>, column: &str, reason: impl std::fmt::Display) -> FileError {
+        FileError::at(&self.table, reading.line, column, reason)
     }
 }
 
@@ -107,7 +108,21 @@ fn parse_setup(path: &Path, text: &str, model: &str) -> Result<SetupFile, FileEr
 fn readings<const N: usize>(path: &Path, file: SetupFile, bytes: &[u8]) -> Result<ToolReadings<N>, FileError> {
     let path = setup::beside(path, &file.measurements);
     let readings = rows(&path, bytes)?;
-    Ok(ToolReadings { table: path.display().to_string(), crc: crc32fast::hash(bytes), noise: file.noise, readings })
+    let table = path.display().to_string();
+    let lines: Vec<u64> = readings.iter().map(|reading| reading.line).collect();
+    repeated::check(&table, &lines, "pose", &columns(&file.noise, &readings))?;
+    Ok(ToolReadings { table, crc: crc32fast::hash(bytes), noise: file.noise, readings })
+}
+
+/// Columns of forces and moments.
+fn columns<const N: usize>(noise: &Noise, readings: &[ToolReading<N>]) -> Vec<Column> {
+    let sds = [[noise.force_n; 3], [noise.moment_nm; 3]].concat();
+    let column = |(component, (name, sd)): (usize, (&str, f64))| Column {
+        name: name.to_owned(),
+        sd: Some(sd),
+        values: readings.iter().map(|reading| Some(reading.raw.to_array()[component])).collect(),
+    };
+    LOAD.into_iter().zip(sds).enumerate().map(column).collect()
 }
 
 fn rows<const N: usize>(path: &Path, bytes: &[u8]) -> Result<Vec<ToolReading<N>>, FileError> {

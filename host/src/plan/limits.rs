@@ -1,34 +1,81 @@
 //! Limits of a plan: poses away from singular ones, and loads that leave cluster 3 on the side it rests on.
 
 use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics;
 use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 use crate::elastic::joints::joint;
 use crate::elastic::{ElasticMachine, Pose};
+use crate::geometry::deviation::Deviating;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::sim::springs::preload_n;
 
 /// Smallest determinant of the directions of the clusters, and smallest cosine between a link and its guideway.
 const LEAST: f64 = 0.1;
+/// The same of each machine that the robot file allows. Those that are tried are twice as far off, so that of 5 000 that are as far off as the file says
+/// each one stands in every planned pose.
+const LEAST_ALLOWED: f64 = 0.03;
+const FARTHER: f64 = 2.0;
+const ALLOWED: usize = 200;
+const SEED: u64 = 1;
 /// Share of the preload that a load may take off the side that cluster 3 rests on.
 const MOST_PRELOAD: f64 = 0.8;
+/// Factor by which a machine may be softer than its file.
+pub(super) const MOST_SOFT: f64 = 2.0;
 /// Range of a gauge, m.
 pub(super) const GAUGE_RANGE_M: f64 = 0.01;
 
+/// Machines that a robot file allows: off it by `[simulation] geometry_mm` and farther, each number by a normal variable.
+pub(super) struct Allowed<K>(Vec<K>);
+
+impl<K> Allowed<K> {
+    pub(super) fn of<const N: usize>(robot: &RobotFile<K, N>) -> Self
+    where
+        K: Deviating<N>,
+    {
+        let mut generator = ChaCha8Rng::seed_from_u64(SEED);
+        let mut draw = || -> f64 { StandardNormal.sample(&mut generator) };
+        let off_m = FARTHER * robot.simulation.geometry_mm * 1e-3;
+        // A machine that cannot be is none that stands there.
+        Self((0..ALLOWED).filter_map(|_| robot.model.off(off_m, &mut draw).ok()).collect())
+    }
+
+    /// True if each of the machines stands well with the axes at `q`, where the file's has this pose.
+    pub(super) fn can_stand<const N: usize>(&self, pose: &kinematics::Pose, q: &[f64; N]) -> bool
+    where
+        K: Deviating<N>,
+    {
+        self.0.iter().all(|machine| {
+            machine.stand(q, pose).is_some_and(|pose| {
+                let rotation = UnitQuaternion::from_matrix(&pose.rotation);
+                let pose = Pose { translation_m: pose.position_m, rotation };
+                regularity(&machine.geometry(), &pose, q) >= LEAST_ALLOWED
+            })
+        })
+    }
+}
+
 /// True if the pose is away from singular ones: `|det s|` of the clusters' directions and `|s.v|` of every link are at least a tenth.
 pub(super) fn is_regular<const N: usize>(geometry: &f1::Geometry, pose: &Pose, q: &[f64; N]) -> bool {
+    regularity(geometry, pose, q) >= LEAST
+}
+
+/// The smallest of `|det s|` of the clusters' directions and of `|s.v|` of every link.
+fn regularity<const N: usize>(geometry: &f1::Geometry, pose: &Pose, q: &[f64; N]) -> f64 {
+    let mut least = f64::INFINITY;
     let mut sums = [Vector3::zeros(); ARMS];
     for (link, arm) in ARM_OF_LINK.into_iter().enumerate() {
         let on_platform = pose.translation_m + pose.rotation * geometry.platform_joints_m[link];
         let direction = (joint(geometry, link, q).place_m - on_platform).normalize();
-        if direction.dot(&geometry.guideways[arm].normalize()).abs() < LEAST {
-            return false;
-        }
+        least = least.min(direction.dot(&geometry.guideways[arm].normalize()).abs());
         sums[arm] += direction;
     }
-    Matrix3::from_columns(&sums.map(|sum| sum.normalize())).determinant().abs() >= LEAST
+    least.min(Matrix3::from_columns(&sums.map(|sum| sum.normalize())).determinant().abs())
 }
 
 /// The preload of cluster 3: sum of the tensions of its links by weight alone, N.

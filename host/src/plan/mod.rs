@@ -106,7 +106,8 @@ pub fn check<K: geometry::PlannedMachine<N>, const N: usize>(
 ) -> Result<(String, Vec<String>), PlanError> {
     if measurements::format_of(path)? == measurements::poses::FORMAT {
         let judgement = geometry::check(robot, path)?;
-        return Ok((judgement.to_string(), springs::lost(&judgement.expected).into_iter().collect()));
+        let lost = springs::lost(&judgement.expected);
+        return Ok((judgement.to_string(), lost.into_iter().chain(geometry::unsafe_poses(robot, path)?).collect()));
     }
     let setup = measurements::springs::read_setup(path, model_name::<N>(), &robot.metres_per_q)?;
     measurements::plan::of(path, setup.clone(), &robot.metres_per_q)?.check_wrist(path, robot.wrist.len())?;

@@ -15,6 +15,7 @@ use super::time::Minutes;
 use super::{PlanError, Written, check_range, model_name, sheet};
 use crate::elastic::ElasticError;
 use crate::fit::statistics::float;
+use crate::geometry::deviation::Deviating;
 use crate::measurements::springs::{NamedGauge, Noise, SeriesEntry, Setup};
 use crate::model::MachineKind;
 use crate::output::Name;
@@ -127,7 +128,7 @@ pub(super) struct Predicted {
 ///
 /// # Errors
 /// [`PlanError`].
-pub fn plan_springs<K: MachineKind<N>, const N: usize>(
+pub fn plan_springs<K: Deviating<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     options: &SpringsOptions,
     measurements: &str,
@@ -168,7 +169,7 @@ pub(super) fn springs<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>
 }
 
 /// Chooses the series.
-fn planned<K: MachineKind<N>, const N: usize>(
+fn planned<K: Deviating<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     options: &SpringsOptions,
     measurements: &str,

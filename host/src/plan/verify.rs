@@ -1,11 +1,13 @@
 //! Plan of straps that show how well compensation works where identification did not look.
 
+use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::{DMatrix, Vector3};
 
 use super::bench::{Bench, Stand, Strap};
-use super::limits::{GAUGE_RANGE_M, Preload};
+use super::limits::{Allowed, GAUGE_RANGE_M, MOST_SOFT, Preload};
 use super::springs::{SpringsOptions, default_gauges, pose_entry, springs, stand_at, written};
 use super::{PlanError, Written};
+use crate::geometry::deviation::Deviating;
 use crate::measurements::springs::Setup;
 use crate::model::MachineKind;
 use crate::output::Name;
@@ -30,7 +32,7 @@ const CELLS: u32 = 16;
 ///
 /// # Errors
 /// [`PlanError`].
-pub fn plan_verify<K: MachineKind<N>, const N: usize>(
+pub fn plan_verify<K: Deviating<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     options: &SpringsOptions,
     measurements: &str,
@@ -79,7 +81,7 @@ pub fn plan_verify<K: MachineKind<N>, const N: usize>(
 }
 
 /// One strap after the other at poses far from each other; each within the limits.
-fn spread_straps<K: MachineKind<N>, const N: usize>(
+fn spread_straps<K: Deviating<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     bench: &Bench<N>,
     gauges: &[crate::measurements::springs::NamedGauge],
@@ -98,12 +100,16 @@ fn spread_straps<K: MachineKind<N>, const N: usize>(
         };
         ways.map(|direction| Strap { hook_m, direction }).find(|strap| {
             let (Some(here), Some(home)) = (predicted(stand, strap), predicted(&home, strap)) else { return false };
-            here.largest_m <= GAUGE_RANGE_M
+            here.largest_m * MOST_SOFT <= GAUGE_RANGE_M
                 && here.displacement_m <= MOST_DISPLACEMENT * home.displacement_m
                 && preload.is_none_or(|preload| preload.holds(here.cluster_n))
         })
     };
-    let takes_all = |stand: &Stand<N>| (0..DIRECTIONS.len()).all(|number| strap_at(stand, number).is_some());
+    let allowed = Allowed::of(robot);
+    let takes_all = |stand: &Stand<N>| {
+        allowed.can_stand(&Pose::at(stand.tool_m), &stand.q)
+            && (0..DIRECTIONS.len()).all(|number| strap_at(stand, number).is_some())
+    };
     let poses = far_apart(robot, options.poses.min(options.series), takes_all);
     let numbered = poses.iter().cycle().take(if poses.is_empty() { 0 } else { options.series }).enumerate();
     let straps: Vec<(Stand<N>, Strap)> =

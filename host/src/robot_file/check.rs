@@ -14,6 +14,8 @@ use super::{Keys, Motors, Problem, Sensor, Simulation};
 /// Largest deviation of `metres_per_q`, the length of a unit of `q` by the drive's count, from `|v_i|`, which calibration finds; relative.
 /// More is a wrong unit.
 const SCALE_TOLERANCE: f64 = 0.01;
+/// Range of a compliance, m/N: what is stiffer is rigid, what is softer is no machine.
+const COMPLIANCE_M_PER_N: (f64, f64) = (1e-13, 1e-2);
 /// Largest distance of a micrometre value from a whole nanometre, nm: rounding of the decimal.
 const WHOLE_NM_TOLERANCE: f64 = 1e-3;
 /// Largest number of motors.
@@ -195,13 +197,25 @@ fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
     Ok(crossed.0)
 }
 
-/// Compliances are given of links and axes, or of neither.
+/// Compliances are given of links and axes, or of neither, and are those of springs.
 pub(super) fn springs<K: Keys<N>, const N: usize>(keys: &K) -> Result<(), Problem> {
     let key = K::AXIS_COMPLIANCES;
     match keys.springs() {
         (None, Some(_)) => Err(Problem::new("c_link", format!("is missing beside {key}"))),
         (Some(_), None) => Err(Problem::new(key, "is missing beside c_link")),
-        _ => Ok(()),
+        (None, None) => Ok(()),
+        (Some(links), Some(axes)) => {
+            let links = links.into_iter().enumerate().map(|(index, value)| ("c_link", index, value));
+            let axes = axes.into_iter().enumerate().map(|(index, value)| (key, index, value));
+            links.chain(axes).try_for_each(|(key, index, value)| {
+                let (least, most) = COMPLIANCE_M_PER_N;
+                if (least..=most).contains(&value) {
+                    return Ok(());
+                }
+                let reason = format!("is {value:e}; a compliance is positive, in m/N, from {least:e} to {most:e} ([T Table 5.2] has other numbers: docs/identification.md)");
+                Err(Problem::new(format!("{key}[{index}]"), reason))
+            })
+        }
     }
 }
 

@@ -137,6 +137,17 @@ fn of_springs(seen: &Seen, springs: usize) -> DMatrix<f64> {
     if found.is_empty() { DMatrix::zeros(springs, 0) } else { DMatrix::from_columns(&found) }
 }
 
+/// Checks that no compliance is negative by more than its uncertainty.
+///
+/// # Errors
+/// [`SpringsError::Negative`].
+pub(super) fn check_positive<const N: usize>(
+    question: &Question<'_, N>,
+    solved: &Solved<N>,
+) -> Result<(), SpringsError> {
+    most_negative(question, &Held::none(question.file.count()), solved).map(|_| ())
+}
+
 /// The spring that is farthest below zero in its standard deviations, of those that are not held.
 fn most_negative<const N: usize>(
     question: &Question<'_, N>,

@@ -9,13 +9,15 @@ use std::convert::Infallible;
 use std::path::PathBuf;
 
 use gantry_tau_core::model::kinematics::KinematicsError;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 use crate::fit::answer::{Parameter, Unobservable};
+use crate::fit::goodness;
 use crate::fit::least_squares::{FitError, Seen};
 use crate::fit::statistics::chi_squared_above;
 use crate::measurements::FileError;
+use crate::measurements::springs::LOAD;
 use crate::measurements::tool::{self, ToolReadings};
 use crate::model::{MachineKind, pose_at};
 use crate::robot_file::edit::RobotText;
@@ -24,8 +26,8 @@ use fit::{FittedTool, Mounting, TOOL, Turned, fit_tool};
 
 /// First field of an answer.
 pub const FORMAT: &str = "gantry-tau tool identified 1";
-/// Smallest probability of the residuals at which a model is believed.
-const LEAST_P: f64 = 1e-3;
+/// Standard deviations by which a weight points upwards for sure.
+const SURE_SD: f64 = 3.0;
 
 /// Options of an identification.
 #[derive(Clone, Debug)]
@@ -124,7 +126,7 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
 ) -> Result<IdentifiedTool, ToolError> {
     let measured: ToolReadings<N> = tool::read(&options.setup, K::MODEL)?;
     let turned = |reading: &tool::ToolReading<N>| {
-        let rotation = rotation(&reading.q).map_err(|error| measured.error(reading, error))?;
+        let rotation = rotation(&reading.q).map_err(|error| measured.error(reading, "q_1", error))?;
         Ok::<_, FileError>(Turned { rotation, raw: reading.raw })
     };
     let readings = measured.readings.iter().map(turned).collect::<Result<Vec<_>, _>>()?;
@@ -134,6 +136,7 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
         FitError::TooFew { .. } => ToolError::TooFew { table: measured.table.clone() },
         reason => ToolError::Fit { table: measured.table.clone(), reason },
     })?;
+    check_gravity(&measured, &fitted, &robot.sensor.tool.weight_n.into())?;
     let answer = answer(&fitted, K::MODEL);
     Ok(IdentifiedTool {
         json: serde_json::to_string_pretty(&answer).map_err(|error| ToolError::Edit(error.to_string()))?,
@@ -141,6 +144,25 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
         summary: summary(&fitted, &answer),
         doubts: doubts(&fitted, &answer),
     })
+}
+
+/// Refuses a tool that pulls against the robot file's, or upwards where the file has none: readings of what the sensor exerts.
+fn check_gravity<const N: usize>(
+    measured: &ToolReadings<N>,
+    fitted: &FittedTool,
+    file_n: &Vector3<f64>,
+) -> Result<(), FileError> {
+    let down = file_n.try_normalize(0.0).unwrap_or_else(|| -Vector3::z());
+    let weight_n = &fitted.tool.weight_n;
+    let sd = down.dot(&(fitted.covariance.fixed_view::<3, 3>(0, 0) * down)).max(0.0).sqrt();
+    let is_upwards = down.dot(weight_n) < -SURE_SD * sd;
+    match measured.readings.first().filter(|_| is_upwards) {
+        None => Ok(()),
+        Some(first) => Err(measured.error(first, LOAD[0], format_args!(
+            "the tool would pull upwards, ({:.1}, {:.1}, {:.1}) N: these are forces and moments that the sensor exerts, not those on it; negate all six columns (or turn weight_n of the robot file, if that points upwards)",
+            weight_n.x, weight_n.y, weight_n.z
+        ))),
+    }
 }
 
 /// Names and units of the parameters.
@@ -188,12 +210,8 @@ fn summary(fitted: &FittedTool, answer: &Answer) -> String {
 
 fn doubts(fitted: &FittedTool, answer: &Answer) -> Vec<String> {
     let mut doubts = Vec::new();
-    if answer.p < LEAST_P {
-        doubts.push(format!(
-            "the model or the stated noise is wrong: chi2 is {:.1} with {} degrees of freedom (p = {:.1e})",
-            answer.chi2, answer.dof, answer.p
-        ));
-    }
+    doubts.extend(goodness::too_large(answer.chi2, answer.dof));
+    doubts.extend(goodness::too_small(answer.chi2, answer.dof));
     let seen = Seen::new(&fitted.fit.rows, fitted.fit.seen.scales());
     let lost = Unobservable::list(&names()[..TOOL], &seen.lost());
     if !lost.is_empty() {

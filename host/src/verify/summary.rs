@@ -5,13 +5,12 @@ use std::fmt;
 use serde::Serialize;
 
 use super::measured::PairResult;
+use crate::fit::goodness::LEAST_P;
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::springs::Campaign;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 
-/// Smallest probability of the readings at which a file is believed.
-const LEAST_P: f64 = 1e-3;
 /// Format of the JSON.
 const FORMAT: &str = "gantry-tau verified 1";
 

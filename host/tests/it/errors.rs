@@ -108,7 +108,7 @@ fn a_robot_file_is_refused_with_file_key_and_reason() {
     }
     for command in ["demo", "serve", "client"] {
         let line = folder.run(&[command, "--robot", "none.toml"]).failure(1);
-        assert_says(&line, &["none.toml", "os error"]);
+        assert_says(&line, &["none.toml: No such file or directory"]);
     }
 }
 

@@ -236,6 +236,25 @@ fn what_a_campaign_does_not_show_stays_to_the_bit_and_is_not_seen_when_it_is_giv
     }
 }
 
+/// Found from outside: a cart's gauge that stuck cost 80 % of its spring with chi2/dof 0.94, and forces in kgf made all springs ten times too soft, both
+/// with exit code 0.
+#[test]
+fn a_gauge_that_is_stuck_and_a_force_in_kgf_are_named() {
+    for (case, code, words) in [
+        ("g-stuck-axis1_um-25", 1, "springs.csv:27: axis1_um: "),
+        ("f-kgf", 3, "times the robot file's: check the unit of forces and moments (kgf is 9.81 N, daN is 10.00 N)"),
+    ] {
+        let folder = Folder::new(case);
+        let data = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/identify").join(case);
+        for file in ["campaign.toml", "springs.csv"] {
+            std::fs::copy(data.join(file), folder.path(file)).unwrap();
+        }
+        let said = folder.run(&["identify", "campaign.toml", "--robot", "l2", "-o", "found.toml"]).failure(code);
+        assert!(said.contains(words), "{said}");
+        assert_eq!(folder.path("found.toml").exists(), code == 3, "{case}");
+    }
+}
+
 /// Noise from the residuals: repeats tell the model from the noise, and every option says what it found.
 #[test]
 fn repeats_reject_a_bow_where_the_noise_is_not_taken_as_stated() {

@@ -1,5 +1,8 @@
 //! `calibrate` from files: a simulated tracker, the machine that comes out, and files that are wrong.
 
+mod columns;
+mod gross;
+
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};

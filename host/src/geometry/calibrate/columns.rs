@@ -3,14 +3,16 @@
 
 use std::fmt;
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::fit::statistics::median;
 use crate::geometry::MeasuredPose;
-use crate::geometry::frames::{apply, rigid_trimmed};
+use crate::geometry::frames::{Frames, LEVER_M, apply, rigid_trimmed};
 
 /// Median distance between places from which on something is wrong, m.
 const LEAST_OFF_M: f64 = 0.05;
+/// The same of turned poses, whose target is fitted along, m.
+const LEAST_TURNED_M: f64 = 0.03;
 /// Factor by which the distance falls if the mistake is taken back.
 const TELLING: f64 = 5.0;
 
@@ -23,6 +25,10 @@ pub enum Mistake {
     Swapped(usize, usize),
     /// Places in a left-handed frame.
     Mirrored,
+    /// Quaternions in the order x, y, z, w.
+    ScalarLast,
+    /// Orientations of the device in the frame of the target, and not the other way round.
+    Inverted,
 }
 
 impl Mistake {
@@ -32,35 +38,83 @@ impl Mistake {
         poses: &[MeasuredPose<N>],
         place_m: impl Fn(&[f64; N]) -> Option<Vector3<f64>>,
     ) -> Option<Self> {
-        let off_m = |mistake: Option<Self>| {
+        let axes = (0..N).map(Self::Negated);
+        Self::best(axes.chain(Self::swaps(0, N)).chain([Self::Mirrored]), LEAST_OFF_M, |mistake| {
             let pair = |pose: &MeasuredPose<N>| {
-                let (q, seen_m) = mistake.map_or((pose.q, pose.position_m), |mistake| mistake.taken_back(pose));
-                Some((place_m(&q)?, seen_m))
+                let pose = taken_back(mistake, pose);
+                Some((place_m(&pose.q)?, pose.position_m))
             };
             let pairs: Vec<_> = poses.iter().filter_map(pair).collect();
             // Half of the poses, to tell by: another machine reaches few of them.
             let motion = rigid_trimmed(&pairs).filter(|_| 2 * pairs.len() > poses.len())?;
             Some(median(pairs.iter().map(|(from, to)| (to - apply(&motion, from)).norm()).collect()))
-        };
-        let as_it_is = off_m(None).unwrap_or(f64::INFINITY);
-        let axes = (0..N).map(Self::Negated);
-        let pairs = (0..N).flat_map(|one| (one + 1..N).map(move |other| Self::Swapped(one, other)));
-        let found =
-            axes.chain(pairs).chain([Self::Mirrored]).filter_map(|mistake| Some((mistake, off_m(Some(mistake))?)));
-        let (mistake, left_m) = found.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
-        (as_it_is > LEAST_OFF_M && left_m * TELLING < as_it_is).then_some(mistake)
+        })
     }
 
-    fn taken_back<const N: usize>(self, pose: &MeasuredPose<N>) -> ([f64; N], Vector3<f64>) {
-        let (mut q, mut place_m) = (pose.q, pose.position_m);
-        match self {
-            Self::Negated(axis) => q.iter_mut().skip(axis).take(1).for_each(|q| *q = -*q),
-            Self::Swapped(one, other) => q.swap(one, other),
-            // Of a frame that is anywhere each reflection is the same.
-            Self::Mirrored => place_m.x = -place_m.x,
-        }
-        (q, place_m)
+    /// The same of poses that turn, by their orientations: mistakes in quaternions, and among the axes from `first_plate` on, which turn the platform
+    /// more than they move it.
+    pub(super) fn find_turned<const N: usize>(
+        poses: &[MeasuredPose<N>],
+        first_plate: usize,
+        target_m: Option<Vector3<f64>>,
+        pose: impl Fn(&[f64; N]) -> Option<Isometry3<f64>>,
+    ) -> Option<Self> {
+        let plates = (first_plate..N).map(Self::Negated).chain(Self::swaps(first_plate, N));
+        Self::best(plates.chain([Self::ScalarLast, Self::Inverted]), LEAST_TURNED_M, |mistake| {
+            let pair = |measured: &MeasuredPose<N>| {
+                let measured = taken_back(mistake, measured);
+                let seen = Isometry3::from_parts(measured.position_m.into(), measured.rotation?);
+                Some((pose(&measured.q)?, seen))
+            };
+            let pairs: Vec<_> = poses.iter().filter_map(pair).collect();
+            let frames = Frames::fitted(&pairs, target_m).filter(|_| 2 * pairs.len() > poses.len())?;
+            let left_m = |(pose, seen): &(Isometry3<f64>, Isometry3<f64>)| {
+                let off = (frames.device * pose * frames.target).inverse() * seen;
+                off.translation.vector.norm() + LEVER_M * off.rotation.angle()
+            };
+            Some(median(pairs.iter().map(left_m).collect()))
+        })
     }
+
+    fn swaps(first: usize, end: usize) -> impl Iterator<Item = Self> {
+        (first..end).flat_map(move |one| (one + 1..end).map(move |other| Self::Swapped(one, other)))
+    }
+
+    /// The mistake without which the distance is smallest, if it is telling.
+    fn best(
+        mistakes: impl Iterator<Item = Self>,
+        least_off_m: f64,
+        off_m: impl Fn(Option<Self>) -> Option<f64>,
+    ) -> Option<Self> {
+        let as_it_is = off_m(None).unwrap_or(f64::INFINITY);
+        if as_it_is <= least_off_m {
+            return None;
+        }
+        let found = mistakes.filter_map(|mistake| Some((mistake, off_m(Some(mistake))?)));
+        let (mistake, left_m) = found.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
+        (left_m * TELLING < as_it_is).then_some(mistake)
+    }
+}
+
+/// A pose without a mistake.
+fn taken_back<const N: usize>(mistake: Option<Mistake>, pose: &MeasuredPose<N>) -> MeasuredPose<N> {
+    let mut pose = pose.clone();
+    match mistake {
+        None => {}
+        Some(Mistake::Negated(axis)) => pose.q.iter_mut().skip(axis).take(1).for_each(|q| *q = -*q),
+        Some(Mistake::Swapped(one, other)) => pose.q.swap(one, other),
+        // Of a frame that is anywhere each reflection is the same.
+        Some(Mistake::Mirrored) => pose.position_m.x = -pose.position_m.x,
+        Some(Mistake::ScalarLast) => {
+            pose.rotation = pose.rotation.map(|rotation| {
+                let Quaternion { coords } = rotation.into_inner();
+                // Parts w, x, y, z hold x, y, z, w.
+                UnitQuaternion::new_normalize(Quaternion::new(coords.z, coords.w, coords.x, coords.y))
+            });
+        }
+        Some(Mistake::Inverted) => pose.rotation = pose.rotation.map(|rotation| rotation.inverse()),
+    }
+    pose
 }
 
 impl fmt::Display for Mistake {
@@ -70,6 +124,12 @@ impl fmt::Display for Mistake {
             Self::Swapped(one, other) => {
                 write!(f, "columns q_{0}, q_{1}: are in the place of each other; swap them", one + 1, other + 1)
             }
+            Self::ScalarLast => f.write_str(
+                "columns rot_w, rot_x, rot_y, rot_z: hold x, y, z, w; the scalar part w is the first here",
+            ),
+            Self::Inverted => f.write_str(
+                "columns rot_w, rot_x, rot_y, rot_z: are the inverse rotations; negate rot_x, rot_y, rot_z",
+            ),
             Self::Mirrored => f.write_str(
                 "columns x_m, y_m, z_m: are in a left-handed frame; one of them has the wrong sign, or two of them are in the place of each other",
             ),

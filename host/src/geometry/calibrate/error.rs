@@ -89,6 +89,18 @@ pub enum CalibrateError {
         /// Reason.
         reason: String,
     },
+    /// Points of the base are not what their names say.
+    #[error(
+        "{file}: point: the points put the robot's frame {away_m:.2} m and {turned_deg:.0} degrees from where the robot file's machine is seen; are two of them in the place of each other? robot_m is in the frame of the robot file"
+    )]
+    Frame {
+        /// File of the points.
+        file: String,
+        /// Distance between the two, m.
+        away_m: f64,
+        /// Turn from one to the other, degrees.
+        turned_deg: f64,
+    },
     /// An option that this machine does not have.
     #[error("{0}")]
     Option(&'static str),

@@ -5,7 +5,7 @@ mod start;
 use gantry_tau_core::model::f1::{AXES, Geometry};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{Isometry3, Matrix6, UnitQuaternion, Vector3};
 
 use super::along::turn_along;
 use super::columns::Mistake;
@@ -15,6 +15,7 @@ use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, G
 use crate::geometry::agreement::{left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
 use crate::geometry::f1::{Diagnostic, KEPT, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by, unseen};
+use crate::geometry::frames::LEVER_M;
 use crate::measurements::poses::{self, Noise};
 use crate::model::{F1, pose_at};
 use crate::robot_file::RobotFile;
@@ -23,8 +24,6 @@ use start::{best_start, pairs};
 
 /// Poses that a calibration needs: 72 numbers for 60.
 const LEAST_POSES: usize = 12;
-/// Noise of a rotation where none is stated, rad: that of the places, as if seen on a lever of half a metre.
-pub(crate) const LEVER_M: f64 = 0.5;
 
 /// Calibrates an F1, the machine of `options.robot`.
 ///
@@ -41,7 +40,14 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let file = Geometry { travel: None, ..*robot.model.robot().geometry() };
     let model = Poses { poses: &measured.poses, whitening: whitening(&measured.noise) };
     let of_file = |q: &[f64; AXES]| Some(pose_at(&robot.model, &robot.home_m(), q).ok()?.position_m);
-    if let Some(mistake) = Mistake::find(&measured.poses, of_file) {
+    let pose_of_file = |q: &[f64; AXES]| {
+        let pose = pose_at(&robot.model, &robot.home_m(), q).ok()?;
+        let rotation = UnitQuaternion::from_matrix(&pose.rotation);
+        Some(Isometry3::from_parts(pose.position_m.into(), rotation))
+    };
+    let mistake = Mistake::find(&measured.poses, of_file)
+        .or_else(|| Mistake::find_turned(&measured.poses, ARMS, target_m, pose_of_file));
+    if let Some(mistake) = mistake {
         return Err(CalibrateError::Columns { table: measured.table, mistake });
     }
     let (frames, agreement) = best_start(&pairs(robot, &measured.poses), target_m, &model, &file)
@@ -49,6 +55,7 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let moved = model
         .in_frame_of(&agreement, &file, &robot.home_m(), target_m)
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
+    options.frame.check(base.as_ref(), &moved.frames.device)?;
     let placed = match (&options.frame, base) {
         (FrameOption::Measured, _) => moved.in_device_frame(&agreement, &file),
         (_, Some(device)) => moved.in_known_frame(&agreement, &file, device),

@@ -12,12 +12,12 @@ use super::columns::Mistake;
 use super::expected::Expected;
 use super::shape::Shape;
 use super::{
-    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, LEAST_P, check_shape, mirror,
-    rows,
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, check_shape, mirror, rows,
 };
+use crate::fit::goodness::LEAST_P;
 use crate::fit::least_squares::FitError;
 use crate::fit::statistics::{chi_squared_above, float};
-use crate::geometry::agreement::{cost, fit_agreeing, left_out_rms_m, rms_m};
+use crate::geometry::agreement::{agreeing, cost, fit_agreeing, fit_agreeing_first, left_out_rms_m, rms_m};
 use crate::geometry::answer::{InRobotFrame, L2Machine};
 use crate::geometry::frames::rigid_trimmed;
 use crate::geometry::l2::{
@@ -62,6 +62,7 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
     let moved = agreement
         .in_frame_of(&file, &places, &covariance)
         .map_err(|reason| CalibrateError::Prediction { table: measured.table.clone(), reason: reason.to_string() })?;
+    options.frame.check(base.as_ref(), &moved.motion)?;
     let state = &agreement.fit.state;
     let expected = Expected::over(robot, |stands| {
         let all: Vec<_> = stands.iter().map(|(q, _)| *q).collect();
@@ -206,21 +207,28 @@ fn residuals(state: &Nominal, places: &Places<'_>, outliers: &[usize]) -> Vec<[V
     used.filter_map(|(_, pose)| Some([pose.position_m, pose.position_m - kinematics.forward(&pose.q).ok()?])).collect()
 }
 
-/// Fits from the robot file, moved to where the device sees it, and from the measurements alone; the better of both.
+/// Fits from the robot file, moved to where the device sees it, and from the measurements alone: of all poses, and of those that the moved file does
+/// not leave far off, for a few that are grossly wrong spoil either. Returns the best.
 fn best_start(file: &Nominal, places: &Places<'_>) -> Result<Calibrated, FitError<PredictionError>> {
     let kinematics = file.kinematics(places.configuration).map_err(FitError::Start)?;
     // A pose beyond the reach of the file's machine takes no part in the start.
     let pairs: Vec<_> =
         (places.poses.iter()).filter_map(|pose| Some((kinematics.forward(&pose.q).ok()?, pose.position_m))).collect();
     let start = rigid_trimmed(&pairs).map_or(*file, |motion| file.moved(&motion));
-    let from_file = fit_agreeing(places, start);
-    let Some(alone) = closed_form(places.poses).and_then(|start| fit_agreeing(places, start).ok()) else {
-        return from_file;
-    };
-    match from_file {
-        Ok(found) if cost::<Places<'_>>(&found) <= cost::<Places<'_>>(&alone) => Ok(found),
-        _ => Ok(alone),
+    let near: Vec<_> = agreeing(places, &start).into_iter().map(|index| places.poses[index].clone()).collect();
+    let mut best = fit_agreeing(places, start);
+    let others = [
+        (near.len() < places.poses.len()).then(|| fit_agreeing_first(places, start)),
+        closed_form(places.poses).map(|start| fit_agreeing(places, start)),
+        closed_form(&near).map(|start| fit_agreeing_first(places, start)),
+    ];
+    for found in others.into_iter().flatten().flatten() {
+        if best.as_ref().is_ok_and(|best| cost::<Places<'_>>(best) <= cost::<Places<'_>>(&found)) {
+            continue;
+        }
+        best = Ok(found);
     }
+    best
 }
 
 /// Names of the parameters, and their units.

@@ -20,6 +20,7 @@ use super::agreement::Agreement;
 use super::answer::{Answer, FORMAT, InRobotFrame, Outlier};
 use super::f1::Diagnostic;
 use crate::fit::answer::{Parameter, Status, Uncertainty, Unobservable};
+use crate::fit::goodness;
 use crate::fit::least_squares::{Direction, Seen};
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::poses::Poses;
@@ -34,8 +35,11 @@ pub use error::CalibrateError;
 pub use f1::calibrate_f1;
 pub use l2::calibrate_l2;
 
-/// Smallest probability of the residuals at which a model is believed.
-const LEAST_P: f64 = 1e-3;
+/// Largest distance and turn between the robot's frame by points of its base, and by where the robot file's machine is seen, m, rad.
+const MOST_AWAY_M: f64 = 0.3;
+const MOST_TURNED_RAD: f64 = 0.3;
+/// Poses that do not agree, of which the summary has the names.
+const NAMED: usize = 8;
 /// Largest share of poses that may be left out.
 const MOST_OUTLIERS: f64 = 0.1;
 
@@ -75,6 +79,21 @@ impl FrameOption {
             Self::Points(path) => frame::read(path).map(Some),
             Self::Nominal | Self::Measured => Ok(None),
         }
+    }
+
+    /// Checks that the points of the base put the robot's frame near where the device sees the robot file's machine.
+    ///
+    /// # Errors
+    /// [`CalibrateError::Frame`].
+    fn check(&self, base: Option<&Isometry3<f64>>, of_file: &Isometry3<f64>) -> Result<(), CalibrateError> {
+        let (Self::Points(path), Some(base)) = (self, base) else { return Ok(()) };
+        let off = of_file.inverse() * base;
+        let (away_m, turned_rad) = (off.translation.vector.norm(), off.rotation.angle());
+        if away_m <= MOST_AWAY_M && turned_rad <= MOST_TURNED_RAD {
+            return Ok(());
+        }
+        let file = path.display().to_string();
+        Err(CalibrateError::Frame { file, away_m, turned_deg: turned_rad.to_degrees() })
     }
 
     /// Its name in a robot file.
@@ -234,8 +253,16 @@ impl<S, M: Serialize + Clone> Found<'_, S, M> {
             }
             _ => String::new(),
         };
+        let named = match answer.outliers.as_slice() {
+            [] => String::new(),
+            outliers => {
+                let names = outliers.iter().take(NAMED).map(|outlier| outlier.pose.to_string()).collect::<Vec<_>>();
+                let more = if outliers.len() > NAMED { ", ..." } else { "" };
+                format!(" and are left out ({}{more})", names.join(", "))
+            }
+        };
         format!(
-            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {poses} poses do not agree; places were {:.2} mm off (rms){left_out}; one over the workspace is expected to be {:.1} um off{}",
+            "{} of {} parameters seen; chi2/dof {:.2}, p {:.2}; {} of {poses} poses do not agree{named}; places were {:.2} mm off (rms){left_out}; one over the workspace is expected to be {:.1} um off{}",
             answer.observable,
             self.values.len(),
             self.agreement.fit.reduced_chi_squared(),
@@ -280,10 +307,8 @@ fn rows(motion: &Isometry3<f64>) -> ([[f64; 3]; 3], [f64; 3]) {
 
 fn doubts<M>(answer: &Answer<M>, poses: usize, observable: usize, tolerance_m: f64) -> Vec<String> {
     let mut doubts = Vec::new();
-    if answer.p < LEAST_P {
-        let reduced = answer.chi2 / float(answer.dof);
-        doubts.push(format!("the model or the stated noise is wrong: chi2/dof is {reduced:.2} (p = {:.1e})", answer.p));
-    }
+    doubts.extend(goodness::too_large(answer.chi2, answer.dof));
+    doubts.extend(goodness::too_small(answer.chi2, answer.dof));
     let lost = observable.saturating_sub(answer.observable);
     if lost > 0 {
         doubts.push(format!(

@@ -11,13 +11,15 @@ use nalgebra::{DMatrix, Matrix6, UnitQuaternion};
 
 use super::exchange::{Candidate, Criterion, Search};
 use super::expected::{Expected, Parameters};
-use super::limits::is_regular;
+use super::limits::{Allowed, is_regular};
 use super::springs::lost;
 use super::time::Minutes;
 use super::{PlanError, Written, check_range, model_name, sheet};
 use crate::elastic;
 use crate::fit::statistics::float;
-use crate::geometry::calibrate::f1::{LEVER_M, whitening};
+use crate::geometry::calibrate::f1::whitening;
+use crate::geometry::deviation::Deviating;
+use crate::geometry::frames::LEVER_M;
 use crate::measurements::poses::{Noise, PlannedPose, PosesPlan};
 use crate::model::MachineKind;
 use crate::output::Name;
@@ -48,7 +50,7 @@ impl Default for GeometryOptions {
 }
 
 /// A kind of machine whose geometry can be planned for.
-pub trait PlannedMachine<const N: usize>: MachineKind<N> {
+pub trait PlannedMachine<const N: usize>: Deviating<N> {
     /// True if orientations are measured besides places.
     const IS_TURNED: bool;
 
@@ -176,25 +178,40 @@ pub fn plan_geometry<K: PlannedMachine<N>, const N: usize>(
         let reason = "no pose of the grid is in travel and away from singular ones".to_owned();
         return Err(PlanError::NoCandidate { robot: robot.name.clone(), reason });
     }
-    let chosen = chosen(&model, &spots, &noise, options).ok_or_else(|| {
-        PlanError::Option(format!("--poses is {}; the grid has {} within the limits", options.poses, spots.len()))
+    let allowed = Allowed::of(robot);
+    let safe: Vec<bool> = spots.iter().map(|spot| allowed.can_stand(&spot.pose, &spot.q)).collect();
+    let left_out = safe.iter().filter(|is_safe| !**is_safe).count();
+    let off_mm = robot.simulation.geometry_mm;
+    let planned = |safe: &[bool]| {
+        let poses = in_order(robot, &spots, chosen(&model, &spots, safe, &noise, options)?);
+        let named = |(index, spot): (usize, &&Spot<N>)| {
+            PlannedPose::new(Name::made(format_args!("p{}", index + 1)), &spot.pose, &spot.q)
+        };
+        Some(poses.iter().enumerate().map(named).collect::<Vec<_>>())
+    };
+    let poses = planned(&safe).ok_or_else(|| {
+        PlanError::Option(format!(
+            "--poses is {}; the grid has {} where a machine {off_mm} mm off its file can stand",
+            options.poses,
+            spots.len() - left_out
+        ))
     })?;
-    let poses = in_order(robot, &spots, chosen);
-    let named = |(index, spot): (usize, &&Spot<N>)| {
-        PlannedPose::new(Name::made(format_args!("p{}", index + 1)), &spot.pose, &spot.q)
-    };
-    let plan = PosesPlan {
-        measurements: measurements.to_owned(),
-        position_um: options.noise_um,
-        rotation_urad,
-        poses: poses.iter().enumerate().map(named).collect(),
-    };
+    let plan = PosesPlan { measurements: measurements.to_owned(), position_um: options.noise_um, rotation_urad, poses };
     let judgement = judge(robot, &noise, &plan.poses, &robot.name)?;
+    let mut summary = judgement.to_string();
+    if let Some(all) = planned(&vec![true; spots.len()]).filter(|_| left_out > 0) {
+        let [with_um, without_um] = [judgement.expected.rms_m, judge(robot, &noise, &all, &robot.name)?.expected.rms_m]
+            .map(|rms_m| rms_m * 1e6);
+        summary += &format!(
+            "\nmargin           {left_out} of {} poses are left out, where a machine {off_mm} mm off its file may not stand: {with_um:.1} instead of {without_um:.1} um rms",
+            spots.len()
+        );
+    }
     Ok(Written {
         plan: plan.text(model_name::<N>()).map_err(|error| PlanError::Text(error.to_string()))?,
         header: plan.header::<N>(),
         sheet: sheet::poses(robot, &plan, &judgement)?,
-        summary: judgement.to_string(),
+        summary,
         doubts: lost(&judgement.expected).into_iter().collect(),
     })
 }
@@ -204,18 +221,22 @@ fn isotropic(position_m: f64, rotation_rad: Option<f64>) -> Noise {
     Noise::independent(square(position_m), rotation_rad.map(square))
 }
 
+/// The best of the spots that are `safe`, by index.
 fn chosen<const N: usize>(
     model: &Model,
     spots: &[Spot<N>],
+    safe: &[bool],
     noise: &Noise,
     options: &GeometryOptions,
 ) -> Option<Vec<usize>> {
     let whitening = whitening(noise);
     let candidate = |(place, spot): (usize, &Spot<N>)| Candidate { rows: whitened(spot, &whitening), place, strap: 0 };
-    let candidates: Vec<Candidate> = spots.iter().enumerate().map(candidate).collect();
+    let candidates: Vec<Candidate> =
+        spots.iter().enumerate().filter(|(place, _)| safe[*place]).map(candidate).collect();
     let goal = goal(model, spots);
     let starts = if goal.ncols() > FEW_PARAMETERS { 1 } else { STARTS };
-    Search::new(&candidates, &goal, options.criterion, options.poses, options.poses).best(starts)
+    let found = Search::new(&candidates, &goal, options.criterion, options.poses, options.poses).best(starts)?;
+    Some(found.into_iter().map(|index| candidates[index].place).collect())
 }
 
 /// The chosen spots in an order of short ways, from home on.
@@ -279,6 +300,26 @@ pub fn check<K: PlannedMachine<N>, const N: usize>(
 ) -> Result<Judgement, PlanError> {
     let (plan, noise) = PosesPlan::read(path, model_name::<N>())?;
     judge(robot, &noise, &plan.poses, &path.display().to_string())
+}
+
+/// Says in which poses of a plan a machine that the robot file allows may not stand.
+///
+/// # Errors
+/// [`PlanError`].
+pub(super) fn unsafe_poses<K: PlannedMachine<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    path: &Path,
+) -> Result<Option<String>, PlanError> {
+    let (plan, _) = PosesPlan::read(path, model_name::<N>())?;
+    let allowed = Allowed::of(robot);
+    let is_unsafe = |planned: &&PlannedPose| {
+        let q: Option<[f64; N]> = planned.q.as_slice().try_into().ok();
+        q.is_none_or(|q| !allowed.can_stand(&planned.pose(), &q))
+    };
+    let names: Vec<String> = plan.poses.iter().filter(is_unsafe).map(|planned| planned.name.to_string()).collect();
+    let off_mm = robot.simulation.geometry_mm;
+    Ok((!names.is_empty())
+        .then(|| format!("a machine {off_mm} mm off its file may not stand in {}; plan others", names.join(", "))))
 }
 
 #[cfg(test)]

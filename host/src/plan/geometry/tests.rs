@@ -4,6 +4,7 @@ use super::*;
 use crate::fit::statistics::median;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 fn rms_um<const N: usize>(model: &Model, spots: &[Spot<N>], noise: &Noise, chosen: &[usize]) -> f64 {
     let whitening = whitening(noise);
@@ -27,7 +28,7 @@ fn places_of_the_l2_reach_the_limits() {
     // Specification: limit, and median of random plans, um.
     for (poses, limit_um, random_um) in [(12, 55.0, 213.0), (20, 40.0, 97.8), (30, 32.5, 64.6), (60, 23.2, 35.1)] {
         let options = GeometryOptions { poses, ..GeometryOptions::default() };
-        let found = chosen(&model, &spots, &noise, &options).unwrap();
+        let found = chosen(&model, &spots, &vec![true; spots.len()], &noise, &options).unwrap();
         let found_um = rms_um(&model, &spots, &noise, &found);
         assert!(found_um <= limit_um, "{poses}: {found_um}");
         let goal = goal(&model, &spots);
@@ -53,7 +54,7 @@ fn turned_poses_of_the_f1_tell_sixty_combinations() {
     assert!(spots.len() > 150, "{}", spots.len());
     let noise = isotropic(50e-6, Some(100e-6));
     let options = GeometryOptions { poses: 20, ..GeometryOptions::default() };
-    let found = chosen(&model, &spots, &noise, &options).unwrap();
+    let found = chosen(&model, &spots, &vec![true; spots.len()], &noise, &options).unwrap();
     let planned_um = rms_um(&model, &spots, &noise, &found);
     // Twenty random ones: 130 um.
     assert!(planned_um < 100.0, "{planned_um}");
@@ -61,6 +62,45 @@ fn turned_poses_of_the_f1_tell_sixty_combinations() {
         found.iter().map(|index| PlannedPose::new(Name::made(index), &spots[*index].pose, &spots[*index].q)).collect();
     let judged = judge(&robot, &noise, &named, "plan").unwrap().expected;
     assert_eq!((judged.seen, judged.lost.len()), ((60, 60), 0), "{judged}");
+}
+
+/// Found from outside: machines as far off the file as it says could not stand in the places of a plan, in 24 of 40 trials.
+fn every_machine_stands_in_every_pose<K: PlannedMachine<N>, const N: usize>(robot: &RobotFile<K, N>, poses: usize) {
+    let options = GeometryOptions { poses, ..GeometryOptions::default() };
+    let written = plan_geometry(robot, &options, "poses.csv").unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), &written.plan).unwrap();
+    let (plan, _) = PosesPlan::read(file.path(), K::MODEL).unwrap();
+    assert_eq!(plan.poses.len(), poses);
+    for seed in 0..200 {
+        let mut random = ChaCha8Rng::seed_from_u64(1_000 + seed);
+        let mut draw = || -> f64 { StandardNormal.sample(&mut random) };
+        let machine = robot.model.off(robot.simulation.geometry_mm * 1e-3, &mut draw).unwrap();
+        for planned in &plan.poses {
+            let q: [f64; N] = planned.q.as_slice().try_into().unwrap();
+            assert!(machine.stand(&q, &planned.pose()).is_some(), "seed {seed}, {}", planned.name);
+        }
+    }
+}
+
+#[test]
+fn machines_off_their_file_stand_in_every_planned_pose() {
+    every_machine_stands_in_every_pose(&RobotFile::builtin_l2().unwrap(), 30);
+    every_machine_stands_in_every_pose(&RobotFile::builtin_f1().unwrap(), 20);
+}
+
+#[test]
+fn the_price_of_the_margin_is_told() {
+    let mut robot = RobotFile::builtin_l2().unwrap();
+    let written = plan_geometry(&robot, &GeometryOptions::default(), "poses.csv").unwrap();
+    let said = written.summary.lines().find(|line| line.starts_with("margin ")).unwrap();
+    let words: Vec<&str> = said.split_whitespace().collect();
+    let at = words.iter().position(|word| *word == "instead").unwrap();
+    let [with_um, without_um] = [at - 1, at + 2].map(|place| words[place].parse::<f64>().unwrap());
+    assert!((1.2..1.8).contains(&(with_um / without_um)), "{said}");
+    robot.simulation.geometry_mm = 0.0;
+    let written = plan_geometry(&robot, &GeometryOptions::default(), "poses.csv").unwrap();
+    assert!(!written.summary.contains("margin"), "{}", written.summary);
 }
 
 /// Unturned poses do not tell the joints of a cluster from each other.

@@ -1,15 +1,17 @@
 //! Candidates of a plan of springs: straps at poses around home, within the limits.
 
+use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::Vector3;
 
 use super::{HOOKS_M, LEVELS};
 use crate::elastic;
+use crate::geometry::deviation::Deviating;
 use crate::measurements::springs::NamedGauge;
 use crate::model::MachineKind;
 use crate::plan::PlanError;
 use crate::plan::bench::{Bench, Series, Stand, Strap};
 use crate::plan::exchange::Candidate;
-use crate::plan::limits::{GAUGE_RANGE_M, Preload, is_regular};
+use crate::plan::limits::{Allowed, GAUGE_RANGE_M, MOST_SOFT, Preload, is_regular};
 use crate::robot_file::RobotFile;
 use crate::springs::gauge::Gauge;
 
@@ -44,7 +46,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    pub(super) fn new<K: MachineKind<N>, const N: usize>(
+    pub(super) fn new<K: Deviating<N>, const N: usize>(
         robot: &RobotFile<K, N>,
         bench: &Bench<N>,
         stands: &[Stand<N>],
@@ -60,7 +62,11 @@ impl Grid {
         let levels_n = LEVELS.map(|share| share * force_max_n);
         let mut grid = Self { candidates: Vec::new(), straps: Vec::new() };
         let (mut over_m, mut off) = (0.0_f64, 0_usize);
+        let allowed = Allowed::of(robot);
         for (place, stand) in stands.iter().enumerate() {
+            if !allowed.can_stand(&Pose::at(stand.tool_m), &stand.q) {
+                continue;
+            }
             for (strap, (hook, axis)) in
                 HOOKS_M.iter().flat_map(|hook| (0..3).map(move |axis| (hook, axis))).enumerate()
             {
@@ -73,7 +79,9 @@ impl Grid {
                 });
                 match found {
                     None => off += 1,
-                    Some((_, Series { largest_m, .. })) if largest_m > GAUGE_RANGE_M => over_m = over_m.max(largest_m),
+                    Some((_, Series { largest_m, .. })) if largest_m * MOST_SOFT > GAUGE_RANGE_M => {
+                        over_m = over_m.max(largest_m)
+                    }
                     Some((pull, Series { rows, .. })) => {
                         grid.candidates.push(Candidate { rows, place, strap });
                         grid.straps.push(pull);
@@ -83,7 +91,11 @@ impl Grid {
         }
         if grid.candidates.is_empty() {
             let over = if over_m > 0.0 {
-                format!("gauges would move by {:.1} mm, their range is {:.0} mm", over_m * 1e3, GAUGE_RANGE_M * 1e3)
+                format!(
+                    "gauges would move by {:.1} mm if springs are twice as soft as the file's, their range is {:.0} mm",
+                    over_m * MOST_SOFT * 1e3,
+                    GAUGE_RANGE_M * 1e3
+                )
             } else {
                 format!("{off} straps would take the platform off cart 3, or the machine apart")
             };

@@ -6,14 +6,14 @@ use super::answer::Answer;
 use super::regimes::TwoRegimes;
 use super::{Found, names};
 use crate::fit::answer::Unobservable;
+use crate::fit::goodness::{self, LEAST_P};
 use crate::fit::held::Held;
 use crate::fit::statistics::float;
-use crate::measurements::springs::Campaign;
+use crate::measurements::plan::before_remount;
+use crate::measurements::springs::{Campaign, SeriesEntry};
 use crate::springs::agreement::{Agreement, deviations};
 use crate::springs::decision::unobservable;
 
-/// Smallest probability of the residuals at which a model is believed.
-pub(super) const LEAST_P: f64 = 1e-3;
 /// Largest share of readings that may be left out.
 pub(super) const MOST_OUTLIERS: f64 = 0.1;
 /// Standard deviations of its prior that a constant of the set-up may move by before it is named.
@@ -65,7 +65,25 @@ impl<const N: usize> Found<'_, N> {
             Some(Err(reason)) => Some(format!("two regimes are not compared: {reason}")),
             None | Some(Ok(_)) => None,
         };
-        moved.chain(inside).chain(dropped).chain(regimes).chain(self.standing_out()).collect()
+        self.not_measured_at_all()
+            .chain(moved)
+            .chain(inside)
+            .chain(dropped)
+            .chain(regimes)
+            .chain(self.standing_out())
+            .collect()
+    }
+
+    /// Series of the plan without a window, and gauges without a reading.
+    fn not_measured_at_all(&self) -> impl Iterator<Item = String> {
+        let campaign = self.question.campaign;
+        let is_there =
+            |planned: &&SeriesEntry| campaign.series.iter().any(|name| before_remount(name) == &*planned.name);
+        let missing = campaign.plan.iter().filter(move |planned| !is_there(planned));
+        let missing = missing.map(|planned| format!("series {} of the plan is not in the table", planned.name));
+        let is_read = |gauge: usize| campaign.windows.iter().any(|window| window.readings_m[gauge].is_some());
+        let silent = campaign.gauges.iter().enumerate().filter(move |(gauge, _)| !is_read(*gauge));
+        missing.chain(silent.map(|(_, gauge)| format!("gauge {} has no reading", gauge.name)))
     }
 
     /// Gauges that the model does not describe, with the advice of `[T 6.1]`.
@@ -85,14 +103,14 @@ impl<const N: usize> Found<'_, N> {
     /// Reasons not to trust it as it is.
     pub(super) fn doubts(&self, answer: &Answer) -> Vec<String> {
         let mut doubts = Vec::new();
-        if answer.p < LEAST_P {
-            let reduced = answer.chi2 / float(answer.dof);
-            let largest = self.largest_contributors().join(", ");
-            doubts.push(format!(
-                "the model or the stated noise is wrong: chi2/dof is {reduced:.2} (p = {:.1e}), most of it from {largest}; another place on the cart may help [T 6.1]",
-                answer.p
-            ));
+        if !self.intervals.is_scaled {
+            let too_large = goodness::too_large(answer.chi2, answer.dof).map(|said| {
+                let largest = self.largest_contributors().join(", ");
+                format!("{said}, most of it from {largest}; another place on the cart may help [T 6.1]")
+            });
+            doubts.extend(too_large.or_else(|| goodness::too_small(answer.chi2, answer.dof)));
         }
+        doubts.extend(self.common_factor(answer));
         // Of scaled noise chi-squared says nothing; repeats do.
         if let Some(repeats) = self.repeats.as_ref().filter(|repeats| self.intervals.is_scaled && repeats.p() < LEAST_P)
         {

@@ -5,13 +5,15 @@
 //! better. Noise with the other sign is noise.
 
 use crate::measurements::FileError;
-use crate::measurements::springs::{Campaign, LOAD};
+use crate::measurements::springs::{Campaign, LOAD, Window};
 use crate::springs::choice::Choice;
-use crate::springs::fit::rounds;
+use crate::springs::decision::check_positive;
+use crate::springs::fit::{Solved, rounds};
 use crate::springs::lines::{Question, State, smooth_loads};
 
-use super::doubts::{LEAST_P, MOST_OUTLIERS};
+use super::doubts::MOST_OUTLIERS;
 use super::{Found, IdentifyError, IdentifyOptions, find};
+use crate::fit::goodness::LEAST_P;
 use crate::fit::statistics::{chi_squared_above, float};
 
 /// Chi-squared per degree of freedom up to which a mended campaign is not rejected.
@@ -25,7 +27,7 @@ const SIGNAL: f64 = 100.0;
 const GROSS: f64 = 10.0;
 const GROSS_FACTOR: f64 = 5.0;
 /// Linearisations of the fits that say which mistakes are likely, and number of those that are tried.
-const STEPS: u32 = 8;
+const STEPS: u32 = 4;
 const MOST_TRIED: usize = 3;
 /// Newtons of a kilogram's weight.
 const NEWTONS_PER_KG: f64 = 9.806_65;
@@ -34,24 +36,24 @@ const FORCES: [usize; 3] = [0, 1, 2];
 const MOMENTS: [usize; 3] = [3, 4, 5];
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
-/// Columns of a table.
-enum Columns {
-    Load(Vec<usize>),
-    Gauge(usize),
+/// What has to be done to columns of a table.
+enum Change {
+    Load { columns: Vec<usize>, factor: f64 },
+    Gauge { gauge: usize, factor: f64 },
+    SwapLoads(usize, usize),
+    SwapGauges(usize, usize),
 }
 
-/// Columns whose values are to be multiplied, and the sentence for it.
+/// Change that mends a table, and the sentence for it.
 struct Mistake {
-    columns: Columns,
-    factor: f64,
+    change: Change,
     reason: &'static str,
 }
 
 impl Mistake {
     fn all(gauges: usize) -> impl Iterator<Item = Self> {
         let of = |columns: &[usize], factor: f64, reason: &'static str| Self {
-            columns: Columns::Load(columns.to_vec()),
-            factor,
+            change: Change::Load { columns: columns.to_vec(), factor },
             reason,
         };
         let reversed = "the wrench has the wrong sign: it is the load on the platform, not what the platform pulls with; negate these columns";
@@ -65,21 +67,27 @@ impl Mistake {
         ];
         let single = ALL.map(|column| of(&[column], -1.0, "this column has the wrong sign; negate it"));
         let gauge = |gauge: usize| Self {
-            columns: Columns::Gauge(gauge),
-            factor: -1.0,
+            change: Change::Gauge { gauge, factor: -1.0 },
             reason: "the readings fall where by the others they should rise; the gauge's axis is reversed, or its sign",
         };
-        groups.into_iter().chain(single).chain((0..gauges).map(gauge))
+        let swapped = "these two columns are swapped";
+        let loads = [(0, 1), (0, 2), (1, 2), (3, 4), (3, 5), (4, 5)]
+            .map(|(one, other)| Self { change: Change::SwapLoads(one, other), reason: swapped });
+        let pairs = (0..gauges).flat_map(move |one| (one + 1..gauges).map(move |other| (one, other)));
+        let pairs = pairs.map(move |(one, other)| Self { change: Change::SwapGauges(one, other), reason: swapped });
+        groups.into_iter().chain(single).chain((0..gauges).map(gauge)).chain(loads).chain(pairs)
     }
 
     fn taken_back<const N: usize>(&self, campaign: &Campaign<N>) -> Campaign<N> {
         let mut campaign = campaign.clone();
         for window in &mut campaign.windows {
-            match &self.columns {
-                Columns::Load(columns) => columns.iter().for_each(|column| window.load[*column] *= self.factor),
-                Columns::Gauge(gauge) => {
-                    window.readings_m[*gauge] = window.readings_m[*gauge].map(|reading| reading * self.factor);
+            match &self.change {
+                Change::Load { columns, factor } => columns.iter().for_each(|column| window.load[*column] *= factor),
+                Change::Gauge { gauge, factor } => {
+                    window.readings_m[*gauge] = window.readings_m[*gauge].map(|reading| reading * factor);
                 }
+                Change::SwapLoads(one, other) => window.load.swap_rows(*one, *other),
+                Change::SwapGauges(one, other) => window.readings_m.swap(*one, *other),
             }
         }
         campaign
@@ -87,21 +95,12 @@ impl Mistake {
 
     /// True if each of the columns, or of a group of columns one, changes by more than its noise.
     fn has_signal<const N: usize>(&self, question: &Question<'_, N>) -> bool {
-        let campaign = question.campaign;
-        match &self.columns {
-            Columns::Load(columns) => {
-                let sds = question.load_variances().map(f64::sqrt);
-                let measured: Vec<_> = campaign.windows.iter().map(|window| window.load).collect();
-                let smooth = smooth_loads(campaign, &measured);
-                let of_column =
-                    |column: &usize| changes(campaign, |window| Some(smooth[window][*column] / sds[*column])).0;
-                columns.iter().map(of_column).fold(0.0, f64::max) > SIGNAL
-            }
-            Columns::Gauge(gauge) => {
-                let noise_m = campaign.noise.gauge_um * 1e-6;
-                let (squares, count) =
-                    changes(campaign, |window| Some(campaign.windows[window].readings_m[*gauge]? / noise_m));
-                squares - float(count) > SIGNAL
+        match &self.change {
+            Change::Load { columns, .. } => any_load_has_signal(question, columns),
+            Change::Gauge { gauge, .. } => gauge_has_signal(question.campaign, *gauge),
+            Change::SwapLoads(one, other) => any_load_has_signal(question, &[*one, *other]),
+            Change::SwapGauges(one, other) => {
+                [*one, *other].iter().any(|gauge| gauge_has_signal(question.campaign, *gauge))
             }
         }
     }
@@ -115,18 +114,34 @@ impl Mistake {
     }
 
     fn error<const N: usize>(&self, campaign: &Campaign<N>) -> Option<FileError> {
-        let (names, window) = match &self.columns {
-            Columns::Load(columns) => {
-                let names = columns.iter().map(|column| LOAD[*column]).collect::<Vec<_>>().join(", ");
-                (names, campaign.windows.first())
-            }
-            Columns::Gauge(gauge) => {
-                let is_read = |window: &&crate::measurements::springs::Window<N>| window.readings_m[*gauge].is_some();
-                (format!("{}_um", campaign.gauges[*gauge].name), campaign.windows.iter().find(is_read))
-            }
+        let load = |column: &usize| LOAD[*column].to_owned();
+        let gauge = |gauge: &usize| format!("{}_um", campaign.gauges[*gauge].name);
+        let (names, read): (Vec<String>, Option<usize>) = match &self.change {
+            Change::Load { columns, .. } => (columns.iter().map(load).collect(), None),
+            Change::Gauge { gauge: read, .. } => (vec![gauge(read)], Some(*read)),
+            Change::SwapLoads(one, other) => ([one, other].map(load).into(), None),
+            Change::SwapGauges(one, other) => ([one, other].map(gauge).into(), Some(*one)),
         };
-        Some(campaign.error(window?, &names, self.reason))
+        let is_read = |window: &&Window<N>| read.is_none_or(|gauge| window.readings_m[gauge].is_some());
+        Some(campaign.error(campaign.windows.iter().find(is_read)?, &names.join(", "), self.reason))
     }
+}
+
+/// True if any of these columns of the load changes by more than its noise.
+fn any_load_has_signal<const N: usize>(question: &Question<'_, N>, columns: &[usize]) -> bool {
+    let sds = question.load_variances().map(f64::sqrt);
+    let measured: Vec<_> = question.campaign.windows.iter().map(|window| window.load).collect();
+    let smooth = smooth_loads(question.campaign, &measured);
+    let of_column =
+        |column: &usize| changes(question.campaign, |window| Some(smooth[window][*column] / sds[*column])).0;
+    columns.iter().map(of_column).fold(0.0, f64::max) > SIGNAL
+}
+
+/// True if the readings of a gauge change by more than their noise.
+fn gauge_has_signal<const N: usize>(campaign: &Campaign<N>, gauge: usize) -> bool {
+    let noise_m = campaign.noise.gauge_um * 1e-6;
+    let (squares, count) = changes(campaign, |window| Some(campaign.windows[window].readings_m[gauge]? / noise_m));
+    squares - float(count) > SIGNAL
 }
 
 /// Sum of the squares of a value's deviations from its mean in each series, and their number.
@@ -152,10 +167,10 @@ pub(super) fn gross<const N: usize>(
     options: &IdentifyOptions,
 ) -> Result<(), IdentifyError> {
     let as_it_is = after_steps(question);
-    if as_it_is.is_some_and(|(chi2, degrees)| chi2 <= GROSS * float(degrees)) {
+    if as_it_is.as_ref().is_some_and(|solved| solved.rows.chi_squared() <= GROSS * float(solved.degrees())) {
         return Ok(());
     }
-    let chi2 = as_it_is.map_or(f64::INFINITY, |(chi2, _)| chi2);
+    let chi2 = as_it_is.map_or(f64::INFINITY, |solved| solved.rows.chi_squared());
     let best =
         likely(question, chi2 / GROSS_FACTOR).into_iter().find(|mistake| mistake.explains(question, options).is_some());
     best.and_then(|mistake| mistake.error(question.campaign)).map_or(Ok(()), |error| Err(error.into()))
@@ -181,7 +196,9 @@ pub(super) fn checked<'a, const N: usize>(
         let of_mended = mistake.explains(question, options)?;
         (cost - of_mended > LEAST_GAIN && cost > LEAST_FACTOR * of_mended).then_some(of_mended)
     };
-    let chi2 = after_steps(question).map_or(f64::INFINITY, |(chi2, _)| chi2);
+    // A fit that fails costs all, though its springs, negative ones, leave little.
+    let of_plain = after_steps(question).filter(|_| cost.is_finite());
+    let chi2 = of_plain.map_or(f64::INFINITY, |solved| solved.rows.chi_squared());
     let best = likely(question, chi2).into_iter().filter_map(|mistake| Some((mended(&mistake)?, mistake)));
     let best = best.min_by(|(one, _), (other, _)| one.total_cmp(other));
     match best.and_then(|(_, mistake)| mistake.error(question.campaign)) {
@@ -190,11 +207,14 @@ pub(super) fn checked<'a, const N: usize>(
     }
 }
 
-/// Mistakes without which a few steps of a plain fit go below this chi-squared, the likeliest first.
+/// Mistakes without which a few steps of a plain fit go below this chi-squared with positive compliances, the likeliest first.
 fn likely<const N: usize>(question: &Question<'_, N>, most: f64) -> Vec<Mistake> {
     let all = Mistake::all(question.campaign.gauges.len()).filter(|mistake| mistake.has_signal(question));
     let tried = all.filter_map(|mistake| {
-        let (chi2, _) = after_steps(&question.on(&mistake.taken_back(question.campaign)))?;
+        let mended = mistake.taken_back(question.campaign);
+        let question = question.on(&mended);
+        let solved = after_steps(&question).filter(|solved| check_positive(&question, solved).is_ok())?;
+        let chi2 = solved.rows.chi_squared();
         (chi2 < most).then_some((chi2, mistake))
     });
     let mut tried: Vec<(f64, Mistake)> = tried.collect();
@@ -202,11 +222,9 @@ fn likely<const N: usize>(question: &Question<'_, N>, most: f64) -> Vec<Mistake>
     tried.into_iter().take(MOST_TRIED).map(|(_, mistake)| mistake).collect()
 }
 
-/// Chi-squared of all readings after some steps from the robot file's springs, and its degrees of freedom.
-fn after_steps<const N: usize>(question: &Question<'_, N>) -> Option<(f64, usize)> {
-    let choice = Choice::all(question.campaign);
-    let solved = rounds(question, &choice, State::start(question), STEPS).ok()?;
-    Some((solved.rows.chi_squared(), solved.degrees()))
+/// The fit of all readings after some steps from the robot file's springs.
+fn after_steps<const N: usize>(question: &Question<'_, N>) -> Option<Solved<N>> {
+    rounds(question, &Choice::all(question.campaign), State::start(question), STEPS).ok()
 }
 
 /// True if the readings contradict what was found.

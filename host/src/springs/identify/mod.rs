@@ -1,6 +1,9 @@
 //! `identify`: from measured forces and gauges, and a robot file, to the springs of this machine.
 
+#[cfg(test)]
+mod accused;
 pub mod answer;
+mod common_factor;
 mod doubts;
 mod hysteresis;
 mod intervals;
@@ -183,9 +186,7 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let geometry = robot.model.geometry();
     let question = Question::new(&geometry, &file, &campaign);
     let question = robot.identified.iter().fold(question, |question, identified| question.known(identified));
-    plausible::check(&question)?;
-    mistakes::gross(&question, options)?;
-    let found = mistakes::checked(find(question.clone(), options), &question, options)?;
+    let found = examined(&question, options)?;
     let answer = found.answer(K::MODEL);
     let doubts = found.doubts(&answer);
     let mut warnings = found.warnings(&answer);
@@ -201,7 +202,17 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     })
 }
 
-/// Returns the answer of a campaign alone, from a robot file of `model`.
+/// Fits, and looks for mistakes in the campaign.
+fn examined<'a, const N: usize>(
+    question: &Question<'a, N>,
+    options: &IdentifyOptions,
+) -> Result<Found<'a, N>, IdentifyError> {
+    plausible::check(question)?;
+    mistakes::gross(question, options)?;
+    mistakes::checked(find(question.clone(), options), question, options)
+}
+
+/// Returns the answer of a campaign alone, from a robot file of `model`, and the reasons not to trust it as it is.
 ///
 /// # Errors
 /// [`IdentifyError`].
@@ -209,9 +220,12 @@ pub(super) fn answer_of<const N: usize>(
     question: Question<'_, N>,
     model: &'static str,
     options: &IdentifyOptions,
-) -> Result<Answer, IdentifyError> {
+) -> Result<(Answer, Vec<String>), IdentifyError> {
     plausible::check(&question)?;
-    Ok(find(question, options)?.answer(model))
+    let found = find(question, options)?;
+    let answer = found.answer(model);
+    let doubts = found.doubts(&answer);
+    Ok((answer, doubts))
 }
 
 /// Springs of a robot file, all of which can be scaled.

@@ -1,11 +1,12 @@
 //! Campaigns that cannot be what they say: refused before a fit, by line and column.
 
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 use crate::elastic::ElasticMachine;
 use crate::elastic::backlash::Backlash;
-use crate::fit::statistics::median;
+use crate::fit::statistics::{float, median};
 use crate::measurements::FileError;
+use crate::measurements::repeated::resolution;
 use crate::measurements::springs::Campaign;
 use crate::springs::lines::{Lines, Question};
 
@@ -16,6 +17,11 @@ const TURNED_RAD: f64 = 0.1;
 const LEAST_LOAD_SD: f64 = 5.0;
 /// Largest factor between the changes of a gauge's readings and those that the robot file predicts. A wrong unit is a factor of a thousand.
 const MOST_FACTOR: f64 = 200.0;
+/// Equal readings that are looked at, and the sum of squares of the changes that they hide at least, in variances of the noise.
+const MANY: usize = 3;
+const HIDDEN: f64 = 30.0;
+/// Share of each compliance by which the robot file's may be wrong.
+const WRONG: f64 = 0.5;
 
 /// Checks poses, loads and gauges of a campaign.
 ///
@@ -23,7 +29,8 @@ const MOST_FACTOR: f64 = 200.0;
 /// [`FileError`], naming line, column and what to do.
 pub(super) fn check<const N: usize>(question: &Question<'_, N>) -> Result<(), FileError> {
     poses(question)?;
-    loads(question.campaign)
+    loads(question.campaign)?;
+    question.campaign.check_repeated()
 }
 
 /// Axes of a row must put the machine where the set-up says it stood.
@@ -83,6 +90,15 @@ pub(super) fn gauges<const N: usize>(question: &Question<'_, N>, lines: &[Lines]
     let campaign = question.campaign;
     for (gauge, named) in campaign.gauges.iter().enumerate() {
         let column = format!("{}_um", named.name);
+        if let Some(still) = still(question, lines, gauge) {
+            let Still { windows, predicted_m } = &still;
+            let reason = format!(
+                "{} rows from here on show one number, where by the robot file's springs it changes by {:.1} um: the gauge is stuck, or at the end of its range; measure them again, or leave these cells empty",
+                windows.len(),
+                predicted_m * 1e6
+            );
+            return Err(campaign.error(&campaign.windows[windows[0]], &column, reason));
+        }
         let pairs = changes(question, lines, gauge);
         let Some((first, _)) = pairs.first() else { continue };
         let window = &campaign.windows[*first];
@@ -107,6 +123,51 @@ pub(super) fn gauges<const N: usize>(question: &Question<'_, N>, lines: &[Lines]
         }
     }
     Ok(())
+}
+
+/// Windows in which a gauge shows one number although its reading should change.
+struct Still {
+    windows: Vec<usize>,
+    /// Largest change from their mean in a series, by the robot file's springs, m.
+    predicted_m: f64,
+}
+
+/// Looks for equal readings that should differ: of a column that is too coarse to tell by itself.
+fn still<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: usize) -> Option<Still> {
+    let campaign = question.campaign;
+    let file = question.file.vector();
+    // Window, reading, and what each spring of the robot file has of it.
+    let mut readings: Vec<(usize, f64, DVector<f64>)> = lines
+        .iter()
+        .filter_map(|lines| {
+            let row = lines.gauges.iter().position(|other| *other == gauge)?;
+            let parts = lines.springs.row(row).transpose().component_mul(&file);
+            Some((lines.window, campaign.windows[lines.window].readings_m[gauge]?, parts))
+        })
+        .collect();
+    let step_m = resolution(readings.iter().map(|(_, reading, _)| *reading));
+    let variance = (campaign.noise.gauge_um * 1e-6).powi(2) + step_m.powi(2) / 12.0;
+    readings.sort_by(|one, other| one.1.total_cmp(&other.1));
+    readings.chunk_by(|one, other| one.1 == other.1).filter(|equal| equal.len() >= MANY).find_map(|equal| {
+        let (mut squares, mut predicted_m) = (0.0, 0.0_f64);
+        for series in 0..campaign.series.len() {
+            let here = equal.iter().filter(|(window, ..)| campaign.windows[*window].series == series);
+            let parts: Vec<&DVector<f64>> = here.map(|(.., parts)| parts).collect();
+            let mean =
+                parts.iter().fold(DVector::zeros(file.len()), |sum, parts| sum + *parts) / float(parts.len().max(1));
+            for parts in parts {
+                let change = parts - &mean;
+                let least = change.sum().abs() - WRONG * change.lp_norm(1);
+                squares += least.max(0.0).powi(2);
+                predicted_m = predicted_m.max(change.sum().abs());
+            }
+        }
+        (squares > HIDDEN * variance).then(|| {
+            let mut windows: Vec<usize> = equal.iter().map(|(window, ..)| *window).collect();
+            windows.sort_unstable();
+            Still { windows, predicted_m }
+        })
+    })
 }
 
 /// Changes of the readings of a gauge since the first window of their series: measured and predicted.

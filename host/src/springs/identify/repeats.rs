@@ -5,6 +5,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::levels::levels;
+use crate::fit::goodness::LEAST_P;
 use crate::fit::least_squares::{Rows, eliminated};
 use crate::fit::statistics::{f_above, float};
 use crate::output::Name;
@@ -12,9 +13,6 @@ use crate::springs::agreement::{Agreement, deviations};
 use crate::springs::blocks::Blocks;
 use crate::springs::choice::Choice;
 use crate::springs::lines::{Lines, Question};
-
-/// Probability below which the lack of fit of a gauge stands out, all gauges together.
-const LEAST_P: f64 = 1e-3;
 
 /// Chi-squared of a campaign, split by its repeats.
 #[derive(Clone, Debug, PartialEq)]

@@ -53,7 +53,7 @@ struct Evaluation<'a, K, const N: usize> {
     robot: &'a RobotFile<K, N>,
     campaign: &'a springs::Campaign<N>,
     all: &'a [ThesisSprings],
-    found: &'a Result<Answer, IdentifyError>,
+    found: &'a Result<(Answer, Vec<String>), IdentifyError>,
     /// Springs of the robot file: links, then axes.
     file: &'a [f64],
 }
@@ -72,6 +72,7 @@ impl<K: MachineKind<N>, const N: usize> Evaluation<'_, K, N> {
             "<h2>Links</h2><p>µm/N.</p>".to_owned(),
             links.table(),
             links.negative(),
+            self.lessons(),
             "<p>The thesis' machines are not this one: of its tables only size and sign can be compared.</p>"
                 .to_owned(),
             "<h2>Carts: displacement against load</h2>".to_owned(),
@@ -99,9 +100,19 @@ impl<K: MachineKind<N>, const N: usize> Evaluation<'_, K, N> {
         body
     }
 
+    /// What the campaign does not show, and what would.
+    fn lessons(&self) -> String {
+        let doubts = self.found.as_ref().map_or(&[][..], |(_, doubts)| doubts);
+        if doubts.is_empty() {
+            return String::new();
+        }
+        let items: String = doubts.iter().map(|doubt| format!("<li>{}", escape(doubt))).collect();
+        format!("<p><i>identify</i> says of this campaign:</p><ul>{items}</ul>")
+    }
+
     /// Parameters that identify found of the springs in `places`; empty if it found nothing.
     fn found(&self, places: std::ops::Range<usize>) -> &[Parameter] {
-        self.found.as_ref().map_or(&[], |answer| &answer.parameters[places])
+        self.found.as_ref().map_or(&[], |(answer, _)| &answer.parameters[places])
     }
 
     fn links(&self) -> Springs<'_> {

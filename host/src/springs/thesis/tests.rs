@@ -130,3 +130,13 @@ fn the_page_shows_all_three() {
     let shown = page(&robot, &folder.path("plan.toml"), &folder.path("few.csv")).unwrap();
     assert!(shown.contains("identify finds nothing in this table: ") && !shown.contains("<svg"));
 }
+
+/// The campaign of the thesis: beside its slopes, what it does not show.
+#[test]
+fn the_page_says_what_a_campaign_as_the_thesis_does_not_show() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/identify/thesis-follow-b4");
+    let robot = RobotFile::builtin_l2().unwrap();
+    let page = page(&robot, &folder.join("campaign.toml"), &folder.join("springs.csv")).unwrap();
+    let said = page.split_once("says of this campaign:").unwrap().1;
+    assert!(said.matches("<li>").count() >= 3 && said.contains("not observable, kept at the file"), "{said}");
+}

@@ -3,21 +3,21 @@
 use gantry_tau_core::model::f1::{AXES, Geometry};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use super::super::{LEAST_P, MOST_OUTLIERS};
-use super::LEVER_M;
+use super::super::MOST_OUTLIERS;
+use crate::fit::goodness::LEAST_P;
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::geometry::MeasuredPose;
 use crate::geometry::agreement::{cost, fit_agreeing, fit_agreeing_first};
 use crate::geometry::f1::{Calibrated, Poses, seen_by};
-use crate::geometry::frames::Frames;
+use crate::geometry::frames::{Frames, LEVER_M, near};
 use crate::model::{F1, pose_at};
 use crate::robot_file::RobotFile;
 
 /// Relative difference of chi-squared of two fits that have found the same machine.
 const SAME: f64 = 1e-6;
 
-/// Fits from the robot file where the device sees it. Where poses are wrong that may be far off, so unless a fit is to be believed it is made
-/// again from frames of other poses. Returns the best, and its frames.
+/// Fits from the robot file where the device sees it, begun with the poses whose places are near. Where poses are wrong that may be far off, so unless a
+/// fit is to be believed it is made again from frames of other poses. Returns the best, and its frames.
 pub(super) fn best_start(
     pairs: &[(Isometry3<f64>, Isometry3<f64>)],
     target_m: Option<Vector3<f64>>,
@@ -28,9 +28,15 @@ pub(super) fn best_start(
         "the robot file's machine cannot stand as measured, or the poses turn too little to tell device and target apart"
             .to_owned(),
     );
-    for (attempt, frames) in starts(pairs, target_m).enumerate() {
+    let places: Vec<_> = pairs.iter().map(|(pose, seen)| (pose.translation.vector, seen.translation.vector)).collect();
+    let near: Vec<_> = near(&places).into_iter().map(|index| pairs[index]).collect();
+    for (attempt, frames) in starts(&near, target_m).chain(starts(pairs, target_m)).enumerate() {
         let start = seen_by(file, &frames.device, &frames.target);
-        let fitted = if attempt == 0 { fit_agreeing(model, start) } else { fit_agreeing_first(model, start) };
+        let fitted = if attempt == 0 && near.len() == pairs.len() {
+            fit_agreeing(model, start)
+        } else {
+            fit_agreeing_first(model, start)
+        };
         match (fitted, &best) {
             (Ok(found), Ok((_, before))) if cost::<Poses<'_>>(&found) >= cost::<Poses<'_>>(before) => {
                 // The same again: no start leads elsewhere.

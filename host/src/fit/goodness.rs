@@ -1,0 +1,53 @@
+//! Whether what a fit leaves is as large as the stated noise.
+
+use super::statistics::{chi_squared_above, float};
+
+/// Smallest probability of a chi-squared, on either side, at which model and stated noise are believed.
+pub(crate) const LEAST_P: f64 = 1e-3;
+/// Factor by which noise may be stated too large without a word: intervals are wider than they need be.
+const MOST_OVERSTATED: f64 = 1.25;
+/// Factor that is not told.
+const MUCH: f64 = 100.0;
+/// Probability below which its digits are those of rounding.
+const ROUNDING: f64 = 1e-15;
+
+/// Says that the residuals are larger than the stated noise lets them be.
+pub(crate) fn too_large(chi2: f64, degrees: usize) -> Option<String> {
+    let p = chi_squared_above(chi2, degrees);
+    (p < LEAST_P).then(|| {
+        format!("the model or the stated noise is wrong: chi2/dof is {:.2} ({})", chi2 / float(degrees), said(p))
+    })
+}
+
+/// Says that the residuals are smaller than the stated noise lets them be.
+pub(crate) fn too_small(chi2: f64, degrees: usize) -> Option<String> {
+    let below = 1.0 - chi_squared_above(chi2, degrees);
+    let factor = (float(degrees) / chi2).sqrt();
+    (degrees > 0 && below < LEAST_P && factor > MOST_OVERSTATED).then(|| {
+        let factor = if factor < MUCH { format!("{factor:.1}") } else { format!("more than {MUCH}") };
+        format!(
+            "the stated noise is {factor} times too large: chi2/dof is {:.2} ({}); check its units, and those of the measurements",
+            chi2 / float(degrees),
+            said(below)
+        )
+    })
+}
+
+fn said(p: f64) -> String {
+    if p < ROUNDING { format!("p below {ROUNDING:e}") } else { format!("p = {p:.1e}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_sides_have_their_sentences() {
+        assert_eq!((too_large(100.0, 100), too_small(100.0, 100)), (None, None));
+        assert!(too_large(150.0, 100).unwrap().contains("chi2/dof is 1.50 (p = 9"));
+        assert!(too_small(45.0, 100).unwrap().starts_with("the stated noise is 1.5 times too large"));
+        assert!(too_small(0.0, 10).unwrap().starts_with("the stated noise is more than 100 times too large"));
+        // Significant, and no matter; and a matter, but not significant.
+        assert_eq!((too_small(900.0, 1_100), too_small(1.0, 4), too_small(0.0, 0)), (None, None, None));
+    }
+}

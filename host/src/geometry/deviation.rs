@@ -1,0 +1,62 @@
+//! Machines that a robot file allows: as far off it as it says of itself.
+
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::{f1, l2};
+use nalgebra::Vector3;
+
+use super::f1::forward;
+use super::l2::Nominal;
+use crate::model::{F1, L2, MachineKind};
+
+/// Kind of machine whose geometry may be a little off.
+pub trait Deviating<const N: usize>: MachineKind<N> {
+    /// Returns a machine that is a little off this one: each number of its geometry by `draw` times `off_m`.
+    ///
+    /// # Errors
+    /// A sentence about a geometry that cannot be.
+    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String>;
+
+    /// Returns the pose with the axes at `q`, near another; `None` where the links do not meet.
+    fn stand(&self, q: &[f64; N], near: &Pose) -> Option<Pose>;
+}
+
+impl Deviating<{ l2::AXES }> for L2 {
+    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String> {
+        let geometry = self.robot().geometry();
+        let file = Nominal::of(geometry);
+        let mut vector = || Vector3::new(draw(), draw(), draw()) * off_m;
+        let truth = Nominal {
+            origins_m: file.origins_m.map(|origin| origin + vector()),
+            guideways: file.guideways.map(|guideway| guideway + vector()),
+            lengths_m: file.lengths_m.map(|length| length + vector().x),
+        };
+        truth.kinematics(geometry.configuration).map_err(|error| error.to_string())
+    }
+
+    fn stand(&self, q: &[f64; l2::AXES], _: &Pose) -> Option<Pose> {
+        self.forward(q).ok().map(Pose::at)
+    }
+}
+
+impl Deviating<{ f1::AXES }> for F1 {
+    fn off(&self, off_m: f64, draw: &mut dyn FnMut() -> f64) -> Result<Self, String> {
+        let file = *self.robot().geometry();
+        let mut vector = || Vector3::new(draw(), draw(), draw()) * off_m;
+        let truth = f1::Geometry {
+            carts_m: file.carts_m.map(|joint| joint + vector()),
+            guideways: file.guideways.map(|guideway| guideway + vector()),
+            plate_joints_m: file.plate_joints_m.map(|joint| joint + vector()),
+            platform_joints_m: file.platform_joints_m.map(|joint| joint + vector()),
+            lengths_m: file.lengths_m.map(|length| length + vector().x),
+            turn_axis: (file.turn_axis + vector()).normalize(),
+            tilt_axis: (file.tilt_axis + vector()).normalize(),
+            travel: None,
+            ..file
+        };
+        f1::Robot::new(truth).map(|robot| Self::new(&robot)).map_err(|error| error.to_string())
+    }
+
+    fn stand(&self, q: &[f64; f1::AXES], near: &Pose) -> Option<Pose> {
+        forward(self, q, near).ok()
+    }
+}

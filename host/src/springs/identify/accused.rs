@@ -1,0 +1,273 @@
+//! Mistakes that people make with a campaign are refused or named, and campaigns without one are accused of nothing.
+
+use nalgebra::Vector3;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+
+use super::weak::{KINDS, measured, on_home, options, seeds, strap};
+use super::*;
+use crate::springs::campaigns::{Bench, FINE, campaign_a, never, seeded};
+
+/// What is done to a campaign; returns the column that an error should name, if it should name one.
+type Spoil = fn(&mut Bench<3>, &mut ChaCha8Rng) -> Option<String>;
+
+/// Verdict over a campaign.
+#[derive(Debug, PartialEq)]
+enum Verdict {
+    /// Refused, with the error.
+    Refused(String),
+    /// Exit code 3, with what is said beside springs that are not seen.
+    Doubted(Vec<String>),
+    /// Springs are not seen, which is exit code 3 too.
+    Unseen,
+    /// Exit code 0, and the largest deviation of a spring, in true values.
+    Written(f64),
+}
+
+fn verdict(bench: &Bench<3>, truth: &[f64]) -> Verdict {
+    let found = match examined(&bench.question(), &options()) {
+        Err(error) => return Verdict::Refused(error.to_string()),
+        Ok(found) => found,
+    };
+    let answer = found.answer("l2");
+    let all = found.doubts(&answer);
+    let is_of_springs = |doubt: &String| doubt.contains("not observable") || doubt.contains("does not measure it");
+    let (unseen, doubts): (Vec<String>, Vec<String>) = all.into_iter().partition(is_of_springs);
+    let off = |(index, truth): (usize, &f64)| (answer.parameters[index].value / truth - 1.0).abs();
+    match (doubts.is_empty(), unseen.is_empty()) {
+        (false, _) => Verdict::Doubted(doubts),
+        (true, false) => Verdict::Unseen,
+        (true, true) => Verdict::Written(truth.iter().enumerate().map(off).fold(0.0, f64::max)),
+    }
+}
+
+fn good(seed: u64) -> (Bench<3>, Vec<f64>) {
+    let (mut bench, mut random) = (campaign_a(FINE), seeded(seed));
+    let truth = bench.true_springs(&mut random);
+    bench.measure(&truth, &mut random, 0.0, never);
+    (bench, truth.vector().as_slice().to_vec())
+}
+
+fn gauge_name(bench: &Bench<3>, gauge: usize) -> String {
+    format!("{}_um", bench.campaign.gauges[gauge].name)
+}
+
+fn scaled(bench: &mut Bench<3>, columns: &[usize], factor: f64) {
+    for window in &mut bench.campaign.windows {
+        columns.iter().for_each(|column| window.load[*column] *= factor);
+    }
+}
+
+fn swapped(bench: &mut Bench<3>, one: usize, other: usize) {
+    bench.campaign.windows.iter_mut().for_each(|window| window.load.swap_rows(one, other));
+}
+
+/// A gauge that shows one number from a row on, in a table of this resolution, m.
+fn stuck(bench: &mut Bench<3>, random: &mut ChaCha8Rng, resolution_m: f64) -> Option<String> {
+    let gauge = random.random_range(0..9);
+    let from = random.random_range(20..80);
+    let round = |value: f64| if resolution_m > 0.0 { (value / resolution_m).round() * resolution_m } else { value };
+    let stuck = bench.campaign.windows[from].readings_m[gauge];
+    for (row, window) in bench.campaign.windows.iter_mut().enumerate() {
+        if row > from {
+            window.readings_m[gauge] = stuck;
+        }
+        window.readings_m.iter_mut().for_each(|reading| *reading = reading.map(round));
+    }
+    Some(gauge_name(bench, gauge))
+}
+
+/// Readings of a gauge are cut at a share of the way to their largest.
+fn cut_gauge(bench: &mut Bench<3>, random: &mut ChaCha8Rng) -> Option<String> {
+    let gauge = random.random_range(0..9);
+    let readings: Vec<f64> = bench.campaign.windows.iter().filter_map(|window| window.readings_m[gauge]).collect();
+    let mut sorted = readings;
+    sorted.sort_by(f64::total_cmp);
+    let most = sorted[sorted.len() * 3 / 4];
+    for window in &mut bench.campaign.windows {
+        window.readings_m[gauge] = window.readings_m[gauge].map(|reading| reading.min(most));
+    }
+    Some(gauge_name(bench, gauge))
+}
+
+/// A component of the load is cut at half of its largest magnitude.
+fn cut_load(bench: &mut Bench<3>, component: usize) -> Option<String> {
+    let largest = bench.campaign.windows.iter().map(|window| window.load[component].abs()).fold(0.0, f64::max);
+    for window in &mut bench.campaign.windows {
+        window.load[component] = window.load[component].clamp(-0.5 * largest, 0.5 * largest);
+    }
+    Some(springs::LOAD[component].to_owned())
+}
+
+/// Readings of one row stand in the next.
+fn late(bench: &mut Bench<3>) {
+    let readings: Vec<_> = bench.campaign.windows.iter().map(|window| window.readings_m.clone()).collect();
+    for (window, earlier) in bench.campaign.windows.iter_mut().skip(1).zip(readings) {
+        window.readings_m = earlier;
+    }
+}
+
+const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
+
+const MISTAKES: [(&str, Spoil); 26] = [
+    ("load negated", |bench, _| named(scaled(bench, &ALL, -1.0), "force_x_n, force_y_n")),
+    ("forces negated", |bench, _| named(scaled(bench, &ALL[..3], -1.0), "force_x_n, force_y_n")),
+    ("moments negated", |bench, _| named(scaled(bench, &ALL[3..], -1.0), "moment_x_n_m, moment_y_n_m")),
+    ("force_z negated", |bench, _| named(scaled(bench, &[2], -1.0), "force_z_n")),
+    ("moment_y negated", |bench, _| named(scaled(bench, &[4], -1.0), "moment_y_n_m")),
+    ("a gauge negated", |bench, random| {
+        let gauge = random.random_range(0..9);
+        for window in &mut bench.campaign.windows {
+            window.readings_m[gauge] = window.readings_m[gauge].map(|reading| -reading);
+        }
+        Some(gauge_name(bench, gauge))
+    }),
+    ("a gauge in mm", |bench, random| {
+        let gauge = random.random_range(0..9);
+        for window in &mut bench.campaign.windows {
+            window.readings_m[gauge] = window.readings_m[gauge].map(|reading| reading * 1e-3);
+        }
+        Some(gauge_name(bench, gauge))
+    }),
+    ("forces in kg", |bench, _| named(scaled(bench, &ALL[..3], 1.0 / 9.806_65), "force_x_n, force_y_n")),
+    ("forces in kN", |bench, _| named(scaled(bench, &ALL[..3], 1e-3), "")),
+    ("moments in N mm", |bench, _| named(scaled(bench, &ALL[3..], 1e3), "moment_x_n_m, moment_y_n_m")),
+    ("all in kgf", |bench, _| named(scaled(bench, &ALL, 1.0 / 9.806_65), "kgf is 9.81 N")),
+    ("all in lbf", |bench, _| named(scaled(bench, &ALL, 1.0 / 4.448_22), "lbf is 4.45 N")),
+    ("all in daN", |bench, _| named(scaled(bench, &ALL, 0.1), "daN is 10.00 N")),
+    ("force_x and force_y swapped", |bench, _| named(swapped(bench, 0, 1), "")),
+    ("moment_x and moment_y swapped", |bench, _| named(swapped(bench, 3, 4), "")),
+    ("axes of forces in turn", |bench, _| {
+        swapped(bench, 0, 1);
+        named(swapped(bench, 1, 2), "")
+    }),
+    ("two gauges swapped", |bench, random| {
+        let (one, by) = (random.random_range(0..9), random.random_range(1..9));
+        let other = (one + by) % 9;
+        bench.campaign.windows.iter_mut().for_each(|window| window.readings_m.swap(one, other));
+        None
+    }),
+    ("readings a row late", |bench, _| named(late(bench), "")),
+    ("a gauge stuck", |bench, random| stuck(bench, random, 0.0)),
+    ("a gauge stuck, 0.1 um", |bench, random| stuck(bench, random, 1e-7)),
+    ("a gauge stuck, 0.5 um", |bench, random| stuck(bench, random, 5e-7)),
+    ("a gauge cut", cut_gauge),
+    ("a moment cut", |bench, random| cut_load(bench, random.random_range(3..5))),
+    ("a force cut", |bench, random| cut_load(bench, random.random_range(0..3))),
+    ("rows copied", |bench, random| {
+        for number in 0..10 {
+            let mut copy = bench.campaign.windows[random.random_range(0..99)].clone();
+            copy.window = crate::output::Name::made(100 + number);
+            bench.campaign.windows.push(copy);
+        }
+        named((), "window")
+    }),
+    ("noise three times too large", |bench, _| {
+        bench.campaign.noise.gauge_um *= 3.0;
+        bench.campaign.noise.force_n *= 3.0;
+        bench.campaign.noise.moment_nm *= 3.0;
+        named((), "the stated noise is")
+    }),
+];
+
+/// The words that a verdict should have; none if any will do.
+fn named((): (), words: &str) -> Option<String> {
+    (!words.is_empty()).then(|| words.to_owned())
+}
+
+#[test]
+fn mistakes_are_refused_or_named() {
+    let mut failures = Vec::new();
+    for (name, spoil) in MISTAKES {
+        let (mut caught, mut rightly, mut count) = (0, 0, 0);
+        let mut example = String::new();
+        for seed in 0..seeds(2) {
+            let (mut bench, truth) = good(seed);
+            let words = spoil(&mut bench, &mut seeded(1_000 + seed));
+            let verdict = verdict(&bench, &truth);
+            let said = match &verdict {
+                Verdict::Refused(said) => said.clone(),
+                Verdict::Doubted(doubts) => doubts.join("; "),
+                Verdict::Unseen => String::new(),
+                Verdict::Written(off) => {
+                    if *off > 0.2 {
+                        failures.push(format!("{name}, seed {seed}: written, {:.0} % off", off * 100.0));
+                    }
+                    String::new()
+                }
+            };
+            count += 1;
+            caught += u32::from(!said.is_empty());
+            rightly += u32::from(!said.is_empty() && words.as_ref().is_none_or(|words| said.contains(words)));
+            if example.is_empty() || words.is_some_and(|words| !said.contains(&words)) {
+                example = format!("seed {seed}: {said}");
+            }
+        }
+        println_of(&format!("{name}: {caught} caught, {rightly} rightly, of {count}; {example}"));
+        if f64::from(rightly) < 0.95 * f64::from(count) {
+            failures.push(format!("{name}: {rightly} of {count} rightly; {example}"));
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+#[test]
+fn campaigns_without_a_mistake_are_accused_of_nothing() {
+    let mut failures = Vec::new();
+    let mut judge = |name: &str, campaigns: &dyn Fn(u64) -> (Bench<3>, Vec<f64>)| {
+        let count = seeds(6);
+        let mut accused = Vec::new();
+        for seed in 0..count {
+            let (bench, truth) = campaigns(seed);
+            if let Verdict::Refused(said) = verdict(&bench, &truth) {
+                accused.push(format!("seed {seed}: {said}"));
+            } else if let Verdict::Doubted(doubts) = verdict(&bench, &truth) {
+                accused.push(format!("seed {seed}: {}", doubts.join("; ")));
+            }
+        }
+        println_of(&format!("{name}: {} of {count} accused", accused.len()));
+        if accused.len() as f64 > (0.01 * count as f64).max(1.0) {
+            failures.push(format!("{name}: {} of {count}: {}", accused.len(), accused.join("\n")));
+        }
+    };
+    judge("nine straps", &good);
+    for kind in &KINDS {
+        judge(kind.name, &|seed| measured(kind, &mut seeded(seed)));
+    }
+    // Readings and loads as coarse instruments show them.
+    for resolution_um in [0.1_f64, 0.5, 1.0] {
+        judge(&format!("a resolution of {resolution_um} um"), &|seed| {
+            let (mut bench, truth) = good(seed);
+            let step = resolution_um * 1e-6;
+            bench.campaign.noise.gauge_um = (1.0_f64 + resolution_um.powi(2) / 12.0).sqrt();
+            for window in &mut bench.campaign.windows {
+                for reading in &mut window.readings_m {
+                    *reading = reading.map(|reading| (reading / step).round() * step);
+                }
+                window.load = window.load.map(|value| (value * 50.0).round() / 50.0);
+            }
+            (bench, truth)
+        });
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// Further campaigns, whose stiff axes hardly move.
+#[test]
+fn a_gauge_that_has_nothing_to_show_is_not_stuck() {
+    let straps = [strap(Vector3::y(), 100.0, 5), strap(Vector3::z(), 100.0, 5)];
+    for seed in 0..seeds(6) {
+        let mut random = seeded(seed);
+        let mut bench = on_home(&straps);
+        let truth = bench.true_springs(&mut random);
+        bench.measure(&truth, &mut random, 0.0, never);
+        let verdict = verdict(&bench, truth.vector().as_slice());
+        assert!(!matches!(verdict, Verdict::Refused(_)), "{verdict:?}");
+    }
+}
+
+/// For numbers of a run by hand, with `--nocapture`.
+fn println_of(line: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}

@@ -1,0 +1,42 @@
+//! One factor on all compliances: a unit of the load that is not the newton, which the readings themselves cannot tell.
+
+use super::Found;
+use super::answer::Answer;
+use crate::fit::answer::{Parameter, Status};
+
+/// Factor between a compliance and the robot file's that is nobody's mistake, and twice the scatter of such factors.
+const USUAL_FACTOR: f64 = 2.5;
+const SCATTER: f64 = 0.3;
+/// Standard deviations by which the common factor must be beyond it.
+const SURE_SD: f64 = 2.0;
+/// Units of a force, in newtons, with what a factor is near if the force is in them.
+const UNITS: [(&str, f64); 5] =
+    [("kgf", 9.806_65), ("daN", 10.0), ("lbf", 4.448_22), ("ozf", 0.278_014), ("kN", 1_000.0)];
+/// Ratio of a factor to that of a unit which it may be.
+const NEAR: f64 = 1.5;
+
+impl<const N: usize> Found<'_, N> {
+    /// Says that all springs differ from the robot file's by one factor.
+    pub(super) fn common_factor(&self, answer: &Answer) -> Option<String> {
+        let springs = answer.parameters.iter().zip(&self.question.relative_to);
+        let is_seen = |parameter: &Parameter| matches!(parameter.status, Status::Identified | Status::Weak);
+        let ratios: Vec<[f64; 2]> = springs
+            .filter(|(parameter, _)| is_seen(parameter))
+            .map(|(parameter, file)| [(parameter.value / file).ln(), parameter.sd / parameter.value])
+            .collect();
+        let weight = |[_, sd]: &[f64; 2]| 1.0 / (sd.powi(2) + SCATTER.powi(2));
+        let weights: f64 = ratios.iter().map(weight).sum();
+        let mean = ratios.iter().map(|ratio| weight(ratio) * ratio[0]).sum::<f64>() / weights;
+        let is_one_side = ratios.iter().all(|[ratio, _]| ratio * mean > 0.0);
+        let is_beyond = mean.abs() - SURE_SD / weights.sqrt() > USUAL_FACTOR.ln();
+        (is_one_side && is_beyond).then(|| {
+            let factor = mean.exp();
+            let near = UNITS.iter().filter(|(_, unit)| (factor / unit).ln().abs() < NEAR.ln());
+            let near = near.map(|(name, unit)| format!("{name} is {unit:.2} N")).collect::<Vec<_>>().join(", ");
+            let near = if near.is_empty() { near } else { format!(" ({near})") };
+            format!(
+                "all compliances seen are about {factor:.2} times the robot file's: check the unit of forces and moments{near}; if the file's are wrong by so much, begin from better ones"
+            )
+        })
+    }
+}

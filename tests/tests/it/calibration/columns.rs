@@ -1,0 +1,84 @@
+//! Columns of an F1's poses, points of its base and tables that are not what they should be: named, with what to do.
+
+use super::*;
+
+/// Error of a calibration of an F1 after a change of each row of its table.
+fn refused(test: &str, change: &dyn Fn(&mut Vec<f64>)) -> Result<Calibration, String> {
+    let folder = folder(test);
+    let robot = RobotFile::builtin_f1().unwrap();
+    let setup = measure_f1(&folder, &robot, 30, &f1_target(), 1.0, &mut Draw(Noise::new(51)));
+    let table = fs::read_to_string(folder.join("poses.csv")).unwrap();
+    let (header, rows) = table.split_once('\n').unwrap();
+    let changed = rows.lines().map(|line| {
+        let (name, numbers) = line.split_once(',').unwrap();
+        let mut numbers = numbers.split(',').map(|number| number.parse().unwrap()).collect();
+        change(&mut numbers);
+        format!("{name},{}\n", numbers.iter().map(|number| format!("{number:?}")).collect::<Vec<_>>().join(","))
+    });
+    fs::write(folder.join("poses.csv"), format!("{header}\n{}", changed.collect::<String>())).unwrap();
+    calibrate_f1(&robot, &options(&setup, "f1")).map_err(|error| error.to_string())
+}
+
+#[test]
+fn quaternions_and_plates_that_are_not_what_their_names_say_are_named() {
+    let rotation = 9..13;
+    for (change, words) in [
+        (&(|row: &mut Vec<f64>| row[9..13].rotate_left(1)) as &dyn Fn(&mut Vec<f64>), "hold x, y, z, w"),
+        (&|row| row[10..13].iter_mut().for_each(|part| *part = -*part), "are the inverse rotations; negate rot_x"),
+        (&|row| row.swap(3, 4), "columns q_4, q_5: are in the place of each other"),
+        (&|row| row.swap(4, 5), "columns q_5, q_6: are in the place of each other"),
+    ] {
+        let said = refused("f1-columns", change).unwrap_err();
+        assert!(said.contains(words), "{said}");
+    }
+    let rounded = |row: &mut Vec<f64>| {
+        row[rotation.clone()].iter_mut().for_each(|part| *part = (*part * 1e4).round() / 1e4);
+    };
+    refused("f1-columns", &rounded).unwrap();
+    let said = refused("f1-columns", &|row| row[9] *= 1.1).unwrap_err();
+    assert!(said.contains("rot_w: the quaternion has length 1.0"), "{said}");
+}
+
+/// Found from outside: two holes of the base in the place of each other turned the machine over, with exit code 0.
+#[test]
+fn points_of_the_base_in_the_place_of_each_other_are_told() {
+    let mut draw = Draw(Noise::new(52));
+    let machine = true_machine(&mut draw);
+    let folder = folder("swapped-points");
+    let positions = positions(&mut draw, 30);
+    let setup = measure(&folder, &machine, &positions, &mut draw);
+    let holes = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.8, 0.0]].map(Vector3::from);
+    let points = |order: [usize; 3]| {
+        let entry = |(index, hole): (usize, usize)| {
+            let [robot, seen]: [[f64; 3]; 2] = [holes[index].into(), apply(&tracker(), &holes[hole]).into()];
+            format!("[[point]]\nname = \"hole {index}\"\nrobot_m = {robot:?}\nmeasured_m = {seen:?}\n")
+        };
+        let entries: String = order.into_iter().enumerate().map(entry).collect();
+        let path = folder.join("frame.toml");
+        fs::write(&path, format!("format = \"gantry-tau frame 1\"\n{entries}")).unwrap();
+        let options = CalibrateOptions { frame: FrameOption::Points(path), ..options(&setup, "l2") };
+        calibrate_l2(&RobotFile::builtin_l2().unwrap(), &options)
+    };
+    points([0, 1, 2]).unwrap();
+    let said = points([1, 0, 2]).unwrap_err().to_string();
+    assert!(
+        said.contains("frame.toml: point: the points put the robot's frame") && said.contains("180 degrees"),
+        "{said}"
+    );
+}
+
+#[test]
+fn tables_with_other_separators_are_told() {
+    let folder = folder("separators");
+    let mut draw = Draw(Noise::new(53));
+    let positions = positions(&mut draw, 10);
+    let setup = measure(&folder, &true_machine(&mut draw), &positions, &mut draw);
+    let table = fs::read_to_string(folder.join("poses.csv")).unwrap();
+    for (separator, shown) in [(";", "';'"), ("\t", "'\\t'")] {
+        fs::write(folder.join("poses.csv"), table.replace(',', separator)).unwrap();
+        let said = calibrate(&setup).unwrap_err().to_string();
+        assert!(said.contains(&format!("poses.csv:1: columns are separated by {shown}; expected ','")), "{said}");
+    }
+    fs::remove_file(folder.join("poses.csv")).unwrap();
+    assert!(calibrate(&setup).unwrap_err().to_string().ends_with("poses.csv: No such file or directory"));
+}
