@@ -181,12 +181,13 @@ fn is_covariance(matrix: &DMatrix<f64>) -> bool {
 
 /// Columns of places.
 fn columns<const N: usize>(noise: &Noise, poses: &[MeasuredPose<N>]) -> Vec<Column> {
-    let column = |axis: usize| Column {
-        name: PLACE[axis].to_owned(),
-        sd: Some(noise.position_m2[(axis, axis)].sqrt()),
-        values: poses.iter().map(|pose| Some(pose.position_m[axis])).collect(),
+    let variances = noise.position_m2.diagonal();
+    let column = |(axis, (name, variance)): (usize, (&str, &f64))| Column {
+        name: name.to_owned(),
+        sd: Some(variance.sqrt()),
+        values: poses.iter().map(|pose| pose.position_m.get(axis).copied()).collect(),
     };
-    (0..3).map(column).collect()
+    PLACE.into_iter().zip(&variances).enumerate().map(column).collect()
 }
 
 /// Poses, with their lines.

@@ -26,6 +26,17 @@ pub(crate) struct Column {
     pub(crate) values: Vec<Option<f64>>,
 }
 
+impl Column {
+    fn at(&self, row: usize) -> Option<f64> {
+        self.values.get(row).copied().flatten()
+    }
+
+    /// Values of some rows.
+    fn of(&self, rows: &[usize]) -> Vec<(usize, f64)> {
+        rows.iter().filter_map(|row| Some((*row, self.at(*row)?))).collect()
+    }
+}
+
 /// A number that a column repeats.
 #[derive(Clone, Debug, PartialEq)]
 struct Repeated<'a> {
@@ -65,7 +76,7 @@ fn copy(columns: &[Column]) -> Option<[usize; 2]> {
     let mut seen = HashMap::new();
     (0..rows).find_map(|row| {
         let earlier = *seen.entry(bits(columns, row)).or_insert(row);
-        let shown = fine.iter().filter(|column| column.values[row].is_some()).count();
+        let shown = fine.iter().filter(|column| column.at(row).is_some()).count();
         (earlier < row && shown >= COPIED).then_some([row, earlier])
     })
 }
@@ -75,15 +86,15 @@ fn repeated(columns: &[Column]) -> Option<Repeated<'_>> {
     let unique = unique_rows(columns);
     columns.iter().find_map(|column| {
         let sd = column.sd.filter(|_| is_fine(column, &unique))?;
-        let mut sorted = values(column, &unique);
+        let mut sorted = column.of(&unique);
         sorted.sort_by(|(_, one), (_, other)| one.total_cmp(other));
         let improbable = |group: &&[(usize, f64)]| group.len() >= MANY && ln_chance(sd, &sorted, group.len()) < LEAST_P.ln();
-        let group = sorted.chunk_by(|one, other| one.1 == other.1).find(improbable)?;
+        let group = sorted.chunk_by(|one, other| is_same(one.1, other.1)).find(improbable)?;
         let value = group.first()?.1;
         let row = group.iter().map(|(row, _)| *row).min()?;
-        let is_end = [sorted.first(), sorted.last()].iter().flatten().any(|(_, end)| *end == value);
-        let is_run = |run: &[(usize, f64)]| run.iter().all(|(_, other)| *other == value);
-        let is_still = values(column, &unique).windows(group.len()).any(is_run);
+        let is_end = [sorted.first(), sorted.last()].iter().flatten().any(|(_, end)| is_same(*end, value));
+        let is_run = |run: &[(usize, f64)]| run.iter().all(|(_, other)| is_same(*other, value));
+        let is_still = column.of(&unique).windows(group.len()).any(is_run);
         let why = match (is_still, is_end) {
             (true, false) => "it stands still, stuck or not connected",
             (true, true) => "it stands still, stuck or at the end of the instrument's range",
@@ -102,7 +113,7 @@ fn repeated(columns: &[Column]) -> Option<Repeated<'_>> {
 pub(crate) fn resolution(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
-    let steps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+    let steps = sorted.iter().zip(sorted.iter().skip(1)).map(|(one, next)| next - one).filter(|step| *step > 0.0);
     steps.min_by(f64::total_cmp).unwrap_or(0.0)
 }
 
@@ -117,7 +128,7 @@ fn ln_chance(sd: f64, values: &[(usize, f64)], count: usize) -> f64 {
 /// True if the numbers of a column that come once or twice are many, and hardly any comes twice.
 fn is_fine(column: &Column, rows: &[usize]) -> bool {
     let mut counts: HashMap<u64, usize> = HashMap::new();
-    for (_, value) in values(column, rows) {
+    for (_, value) in column.of(rows) {
         *counts.entry(value.to_bits()).or_default() += 1;
     }
     let few = counts.values().filter(|count| **count < MANY);
@@ -125,8 +136,9 @@ fn is_fine(column: &Column, rows: &[usize]) -> bool {
     others >= OTHERS && float(different) >= DIFFERENT * float(others)
 }
 
-fn values(column: &Column, rows: &[usize]) -> Vec<(usize, f64)> {
-    rows.iter().filter_map(|row| Some((*row, column.values[*row]?))).collect()
+/// Equal to the last digit.
+pub(crate) const fn is_same(one: f64, other: f64) -> bool {
+    one.to_bits() == other.to_bits()
 }
 
 /// Rows without those that are copies of earlier ones.
@@ -138,7 +150,7 @@ fn unique_rows(columns: &[Column]) -> Vec<usize> {
 
 /// A row, to be compared.
 fn bits(columns: &[Column], row: usize) -> Vec<Option<u64>> {
-    columns.iter().map(|column| column.values[row].map(f64::to_bits)).collect()
+    columns.iter().map(|column| column.at(row).map(f64::to_bits)).collect()
 }
 
 #[cfg(test)]

@@ -174,18 +174,18 @@ impl<const N: usize> Campaign<N> {
             sd,
             values: self.windows.iter().map(value).collect(),
         };
-        let sds = self.noise.load_variances().map(f64::sqrt);
         let gauge = |(index, gauge): (usize, &NamedGauge)| {
-            column(format!("{}_um", gauge.name), Some(self.noise.gauge_um * 1e-6), &|window| window.readings_m[index])
+            column(format!("{}_um", gauge.name), Some(self.noise.gauge_um * 1e-6), &|window| {
+                window.readings_m.get(index).copied().flatten()
+            })
         };
-        let load = |(index, name): (usize, &&str)| {
-            column((*name).to_owned(), Some(sds[index]), &|window| Some(window.load[index]))
+        let load = |(index, (name, variance)): (usize, (&&str, &f64))| {
+            column((*name).to_owned(), Some(variance.sqrt()), &|window| window.load.get(index).copied())
         };
+        let variances = self.noise.load_variances();
+        let loads = LOAD.iter().zip(&variances).enumerate().map(load);
         let pose = column("pose".to_owned(), None, &|window| Some(float(window.pose)));
-        std::iter::once(pose)
-            .chain(self.gauges.iter().enumerate().map(gauge))
-            .chain(LOAD.iter().enumerate().map(load))
-            .collect()
+        std::iter::once(pose).chain(self.gauges.iter().enumerate().map(gauge)).chain(loads).collect()
     }
 
     /// Returns an error about a column of a window.

@@ -120,7 +120,7 @@ fn columns<const N: usize>(noise: &Noise, readings: &[ToolReading<N>]) -> Vec<Co
     let column = |(component, (name, sd)): (usize, (&str, f64))| Column {
         name: name.to_owned(),
         sd: Some(sd),
-        values: readings.iter().map(|reading| Some(reading.raw.to_array()[component])).collect(),
+        values: readings.iter().map(|reading| reading.raw.to_array().get(component).copied()).collect(),
     };
     LOAD.into_iter().zip(sds).enumerate().map(column).collect()
 }

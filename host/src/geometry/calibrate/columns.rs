@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::fit::statistics::median;
 use crate::geometry::MeasuredPose;
-use crate::geometry::frames::{Frames, LEVER_M, apply, rigid_trimmed};
+use crate::geometry::frames::{Frames, LEVER_M, apply, near, rigid_trimmed};
 
 /// Median distance between places from which on something is wrong, m.
 const LEAST_OFF_M: f64 = 0.05;
@@ -67,6 +67,10 @@ impl Mistake {
                 Some((pose(&measured.q)?, seen))
             };
             let pairs: Vec<_> = poses.iter().filter_map(pair).collect();
+            // Rows that are grossly wrong would turn the frames.
+            let places: Vec<_> =
+                pairs.iter().map(|(of_file, seen)| (of_file.translation.vector, seen.translation.vector)).collect();
+            let pairs: Vec<_> = near(&places).into_iter().map(|index| pairs[index]).collect();
             let frames = Frames::fitted(&pairs, target_m).filter(|_| 2 * pairs.len() > poses.len())?;
             let left_m = |(pose, seen): &(Isometry3<f64>, Isometry3<f64>)| {
                 let off = (frames.device * pose * frames.target).inverse() * seen;

@@ -6,7 +6,7 @@ use crate::elastic::ElasticMachine;
 use crate::elastic::backlash::Backlash;
 use crate::fit::statistics::{float, median};
 use crate::measurements::FileError;
-use crate::measurements::repeated::resolution;
+use crate::measurements::repeated::{is_same, resolution};
 use crate::measurements::springs::Campaign;
 use crate::springs::lines::{Lines, Question};
 
@@ -148,7 +148,7 @@ fn still<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: usi
     let step_m = resolution(readings.iter().map(|(_, reading, _)| *reading));
     let variance = (campaign.noise.gauge_um * 1e-6).powi(2) + step_m.powi(2) / 12.0;
     readings.sort_by(|one, other| one.1.total_cmp(&other.1));
-    readings.chunk_by(|one, other| one.1 == other.1).filter(|equal| equal.len() >= MANY).find_map(|equal| {
+    readings.chunk_by(|one, other| is_same(one.1, other.1)).filter(|equal| equal.len() >= MANY).find_map(|equal| {
         let (mut squares, mut predicted_m) = (0.0, 0.0_f64);
         for series in 0..campaign.series.len() {
             let here = equal.iter().filter(|(window, ..)| campaign.windows[*window].series == series);

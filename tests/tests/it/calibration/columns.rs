@@ -21,14 +21,16 @@ fn refused(test: &str, change: &dyn Fn(&mut Vec<f64>)) -> Result<Calibration, St
 
 #[test]
 fn quaternions_and_plates_that_are_not_what_their_names_say_are_named() {
+    type Change = (fn(&mut Vec<f64>), &'static str);
     let rotation = 9..13;
-    for (change, words) in [
-        (&(|row: &mut Vec<f64>| row[9..13].rotate_left(1)) as &dyn Fn(&mut Vec<f64>), "hold x, y, z, w"),
-        (&|row| row[10..13].iter_mut().for_each(|part| *part = -*part), "are the inverse rotations; negate rot_x"),
-        (&|row| row.swap(3, 4), "columns q_4, q_5: are in the place of each other"),
-        (&|row| row.swap(4, 5), "columns q_5, q_6: are in the place of each other"),
-    ] {
-        let said = refused("f1-columns", change).unwrap_err();
+    let changes: [Change; 4] = [
+        (|row| row[9..13].rotate_left(1), "hold x, y, z, w"),
+        (|row| row[10..13].iter_mut().for_each(|part| *part = -*part), "are the inverse rotations; negate rot_x"),
+        (|row| row.swap(3, 4), "columns q_4, q_5: are in the place of each other"),
+        (|row| row.swap(4, 5), "columns q_5, q_6: are in the place of each other"),
+    ];
+    for (change, words) in changes {
+        let said = refused("f1-columns", &change).unwrap_err();
         assert!(said.contains(words), "{said}");
     }
     let rounded = |row: &mut Vec<f64>| {

@@ -5,8 +5,11 @@ use super::*;
 /// Mistake of a row that is a copy where there is a second one.
 const NOTHING: &str = "no reading at all, -999";
 
+/// A mistake, and what it does.
+type Mistake = (&'static str, fn(&mut [f64], usize));
+
 /// What is done to a row of numbers: axes first, then the place.
-const MISTAKES: [(&str, fn(&mut [f64], usize)); 6] = [
+const MISTAKES: [Mistake; 6] = [
     ("a coordinate 0.5 m off", |row, axes| row[axes] += 0.5),
     ("a coordinate 10 m off", |row, axes| row[axes + 1] -= 10.0),
     ("no reading, -999", |row, axes| row[axes + 2] = -999.0),
