@@ -78,8 +78,7 @@ fn gross_rows_of_an_f1_are_named_and_left_out() {
     let folder = folder("gross-f1");
     let mut draw = Draw(Noise::new(42));
     let robot = RobotFile::builtin_f1().unwrap();
-    for trial in 0..12 {
-        let (mistake, change) = MISTAKES[trial % MISTAKES.len()];
+    for (trial, (mistake, change)) in MISTAKES.into_iter().enumerate() {
         let setup = measure_f1(&folder, &robot, 40, &f1_target(), 0.1, &mut draw);
         let rows = some_rows(&mut draw, 40, if mistake == NOTHING { 1 } else { 3 });
         let names = spoil(&setup, &rows, F1_AXES, change);
