@@ -9,13 +9,11 @@ mod late;
 mod refused;
 mod session;
 
-use std::panic::{catch_unwind, resume_unwind};
-
 use gantry_tau::robot_file::{AnyRobotFile, text_of};
 
 use super::run::Machine;
 use judged::{Limits, Row, judge, read};
-use session::{LATE, Session};
+use session::Session;
 
 /// Trials of this folder.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[
@@ -33,18 +31,8 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("misfits_are_refused_in_one_line_and_nothing_moves", || done(refused::misfits)),
 ];
 
-/// Tries of a test on a machine that is so busy that LinuxCNC's thread is late, which is a stop.
-const MAX_TRIES: u32 = 5;
-
 /// A test that fails by panicking.
 fn done(test: fn()) -> Result<(), libtest_mimic::Failed> {
-    for _ in 1..MAX_TRIES {
-        let Err(panic) = catch_unwind(test) else { return Ok(()) };
-        if panic.downcast_ref::<String>().is_none_or(|said| !said.contains(LATE)) {
-            resume_unwind(panic);
-        }
-        println!("again: {LATE}");
-    }
     test();
     Ok(())
 }

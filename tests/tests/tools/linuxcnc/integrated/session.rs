@@ -6,12 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{OnceLock, PoisonError, RwLockReadGuard, RwLockWriteGuard};
 
+use super::super::LATE;
 use super::super::record::{FAULT, LISTENING};
 use super::super::run::{Machine, ONE};
 use crate::firmware::program;
-
-/// Line of the component where LinuxCNC called it much too late.
-pub(super) const LATE: &str = "the thread was late by more than 250 periods";
 
 /// `gantry-tau`, built once.
 pub(super) fn program() -> &'static Path {
