@@ -58,7 +58,7 @@ fn some_rows(draw: &mut Draw, count: u64, most: u64) -> Vec<usize> {
 fn gross_rows_of_an_l2_are_named_and_left_out() {
     let folder = folder("gross");
     let mut draw = Draw(Noise::new(41));
-    for trial in 0..60 {
+    for trial in 0..24 {
         let (mistake, change) = MISTAKES[trial % MISTAKES.len()];
         let machine = true_machine(&mut draw);
         let positions = positions(&mut draw, 30);
