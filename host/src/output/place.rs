@@ -42,9 +42,28 @@ impl Place {
 
 /// Checks that files can be made in the folder of `target`, which was named `named`.
 pub(super) fn probe(target: &Path, named: &Path) -> Result<(), WriteError> {
+    if can_make_nameless(target) {
+        return Ok(());
+    }
     let probe = beside(target, usize::MAX);
     create_new(&probe).map_err(|error| WriteError::system(named, &error))?;
     fs::remove_file(&probe).map_err(|error| WriteError::system(named, &error))
+}
+
+/// True if the folder of `target` takes a file without a name: one that an interrupted command does not leave there.
+#[cfg(target_os = "linux")]
+#[allow(clippy::disallowed_methods, reason = "outputs are opened in this module only")]
+fn can_make_nameless(target: &Path) -> bool {
+    use std::os::unix::fs::OpenOptionsExt;
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let nameless = i32::try_from(rustix::fs::OFlags::TMPFILE.bits()).unwrap_or(0);
+    OpenOptions::new().write(true).custom_flags(nameless).open(folder).is_ok()
+}
+
+/// No file is without a name here.
+#[cfg(not(target_os = "linux"))]
+fn can_make_nameless(_: &Path) -> bool {
+    false
 }
 
 /// A hidden name beside a target, of this process.
