@@ -78,12 +78,12 @@ impl<R: Read> Table<R> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
         let header: Vec<String> =
             reader.headers().map_err(|error| FileError::whole(&name, error))?.iter().map(present_name).collect();
-        if let [one] = header.as_slice()
-            && let Some(separator) = [';', '\t'].into_iter().find(|separator| one.contains(*separator))
-        {
-            let reason =
-                format!("columns are separated by {separator:?}; expected ',' (and '.' in numbers), as CSV has it");
-            return Err(FileError::at(&name, 1, "", reason));
+        if let [one] = header.as_slice() {
+            if let Some(separator) = [';', '\t'].into_iter().find(|separator| one.contains(*separator)) {
+                let reason =
+                    format!("columns are separated by {separator:?}; expected ',' (and '.' in numbers), as CSV has it");
+                return Err(FileError::at(&name, 1, "", reason));
+            }
         }
         for (index, column) in header.iter().enumerate() {
             if header.iter().take(index).any(|other| other == column) {
