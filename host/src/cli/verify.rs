@@ -95,7 +95,6 @@ impl Verify {
     ) -> Result<Vec<String>, Box<dyn std::error::Error>> {
         let campaign = springs::read(path, K::MODEL, &robot.metres_per_q)?;
         campaign.check_wrist(path, robot.wrist.len())?;
-        campaign.check_repeated()?;
         let verification = verify(robot, &campaign, self.stiffness)?;
         let doubts = verification.doubts(self.tolerance * 1e-6);
         if let Some(output) = &self.report {

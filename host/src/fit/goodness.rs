@@ -1,4 +1,4 @@
-//! Whether what a fit leaves is as large as the stated noise.
+//! Residuals of a fit beside the stated noise.
 
 use super::statistics::{chi_squared_above, float};
 

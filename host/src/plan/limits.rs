@@ -12,6 +12,7 @@ use crate::elastic::joints::joint;
 use crate::elastic::{ElasticMachine, Pose};
 use crate::geometry::deviation::Deviating;
 use crate::model::MachineKind;
+use crate::output::Name;
 use crate::robot_file::RobotFile;
 use crate::sim::springs::preload_n;
 
@@ -41,7 +42,6 @@ impl<K> Allowed<K> {
         let mut generator = ChaCha8Rng::seed_from_u64(SEED);
         let mut draw = || -> f64 { StandardNormal.sample(&mut generator) };
         let off_m = FARTHER * robot.simulation.geometry_mm * 1e-3;
-        // A machine that cannot be is none that stands there.
         Self((0..ALLOWED).filter_map(|_| robot.model.off(off_m, &mut draw).ok()).collect())
     }
 
@@ -50,14 +50,29 @@ impl<K> Allowed<K> {
     where
         K: Deviating<N>,
     {
-        self.0.iter().all(|machine| {
-            machine.stand(q, pose).is_some_and(|pose| {
-                let rotation = UnitQuaternion::from_matrix(&pose.rotation);
-                let pose = Pose { translation_m: pose.position_m, rotation };
-                regularity(&machine.geometry(), &pose, q) >= LEAST_ALLOWED
+        // Without a machine that can be there is none that stands.
+        !self.0.is_empty()
+            && self.0.iter().all(|machine| {
+                machine.stand(q, pose).is_some_and(|pose| {
+                    let rotation = UnitQuaternion::from_matrix(&pose.rotation);
+                    let pose = Pose { translation_m: pose.position_m, rotation };
+                    regularity(&machine.geometry(), &pose, q) >= LEAST_ALLOWED
+                })
             })
-        })
     }
+}
+
+/// Says in which of the poses of a plan, with their positions of the axes, a machine that the robot file allows may not stand.
+pub(super) fn doubtful<'a, K: Deviating<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    poses: impl Iterator<Item = (&'a Name, kinematics::Pose, [f64; N])>,
+) -> Option<String> {
+    let allowed = Allowed::of(robot);
+    let names: Vec<String> =
+        poses.filter(|(_, pose, q)| !allowed.can_stand(pose, q)).map(|(name, ..)| name.to_string()).collect();
+    let off_mm = robot.simulation.geometry_mm;
+    (!names.is_empty())
+        .then(|| format!("a machine {off_mm} mm off its file may not stand in {}; plan others", names.join(", ")))
 }
 
 /// True if the pose is away from singular ones: `|det s|` of the clusters' directions and `|s.v|` of every link are at least a tenth.

@@ -105,15 +105,18 @@ pub fn check<K: geometry::PlannedMachine<N>, const N: usize>(
     is_links_only: bool,
 ) -> Result<(String, Vec<String>), PlanError> {
     if measurements::format_of(path)? == measurements::poses::FORMAT {
-        let judgement = geometry::check(robot, path)?;
-        let lost = springs::lost(&judgement.expected);
-        return Ok((judgement.to_string(), lost.into_iter().chain(geometry::unsafe_poses(robot, path)?).collect()));
+        return geometry::check(robot, path);
     }
     let setup = measurements::springs::read_setup(path, model_name::<N>(), &robot.metres_per_q)?;
     measurements::plan::of(path, setup.clone(), &robot.metres_per_q)?.check_wrist(path, robot.wrist.len())?;
     let judgement = springs::judge(robot, &setup, is_links_only, &path.display().to_string())?;
     let mut doubts = judgement.doubts.clone();
     doubts.extend(springs::lost(&judgement.expected));
+    let poses = setup.poses.iter();
+    doubts.extend(limits::doubtful(
+        robot,
+        poses.filter_map(|(name, pose)| Some((name, *pose, robot.model.axes_in(pose).ok()?))),
+    ));
     Ok((judgement.to_string(), doubts))
 }
 

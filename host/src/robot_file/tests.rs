@@ -221,3 +221,16 @@ fn compliances_that_deviations_are_relative_to_are_positive() {
         assert!(error.contains("identified.relative_to: must have 9 entries, all positive"), "{error}");
     }
 }
+
+/// [T Table 5.2] as it is printed, and half a metre per newton.
+#[test]
+fn compliances_that_no_spring_has_are_told() {
+    for value in ["-0.6351", "0.5"] {
+        let text = L2_TEXT.replace("c_link = [5.0e-7", &format!("c_link = [{value}"));
+        let said = RobotFile::read::<L2Keys>("x", &text).unwrap_err().to_string();
+        assert!(
+            said.contains("c_link[0]: is ") && said.contains("a compliance is positive, in m/N, from 1e-13"),
+            "{said}"
+        );
+    }
+}

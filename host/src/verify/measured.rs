@@ -78,6 +78,7 @@ pub fn verify<K: MachineKind<N>, const N: usize>(
     campaign: &Campaign<N>,
     workpiece_n_per_m: f64,
 ) -> Result<Verification, VerifyError> {
+    campaign.check_repeated()?;
     let model = FileModel::new(file)?;
     let campaign = &zeros_first(campaign);
     let of_series = pairs(campaign)?;

@@ -167,6 +167,31 @@ fn campaigns_that_cannot_be_are_one_line_and_nothing_is_written() {
     assert_eq!(folder.read("found.toml"), "kept");
 }
 
+/// A plan that was not measured to its end, and a gauge that was never read.
+#[test]
+fn a_missing_series_and_a_silent_gauge_are_told() {
+    let folder = Folder::new("identify-missing");
+    let [setup, table] = campaign(&folder);
+    let lines: Vec<&str> = table.lines().collect();
+    let series = lines[1].split(',').next().unwrap();
+    folder.write("springs.toml", &setup);
+    let place = lines[0].split(',').position(|name| name == "axis3_um").unwrap();
+    let without = |line: &&&str| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if cells[place] != "axis3_um" {
+            cells[place] = "";
+        }
+        cells.join(",")
+    };
+    let others = lines.iter().filter(|line| !line.starts_with(&format!("{series},"))).collect::<Vec<_>>();
+    folder.write("springs.csv", &(others.iter().map(without).collect::<Vec<_>>().join("\n") + "\n"));
+    let ended = identify(&folder);
+    let said = ended.stdout + &ended.stderr;
+    for words in [format!("series {series} of the plan is not in the table"), "gauge axis3 has no reading".to_owned()] {
+        assert!(said.contains(&words), "{said}");
+    }
+}
+
 #[test]
 fn what_cannot_be_seen_is_named_and_keeps_its_value() {
     let folder = Folder::new("identify-lost");

@@ -120,6 +120,15 @@ fn turned_poses_of_an_f1_give_its_tool() {
     folder.write("tool.csv", &rows.join("\n"));
     let line = folder.run(&identify("f1")).failure(3);
     assert!(line.contains("the model or the stated noise is wrong: chi2/dof is "), "{line}");
+    // Noise that is stated twice too large.
+    measure_f1(&folder);
+    let setup = folder
+        .read("tool.toml")
+        .replace("force_n = 0.2", "force_n = 0.4")
+        .replace("moment_nm = 0.01", "moment_nm = 0.02");
+    folder.write("tool.toml", &setup);
+    let line = folder.run(&identify("f1")).failure(3);
+    assert!(line.contains("the stated noise is ") && line.contains(" times too large"), "{line}");
 }
 
 /// Found from outside: the forces that the sensor exerts, and not those on it, gave a tool that pulls upwards, and exit code 0.

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, Matrix6, UnitQuaternion};
 
 use super::exchange::{Candidate, Criterion, Search};
 use super::expected::{Expected, Parameters};
-use super::limits::{Allowed, is_regular};
+use super::limits::{Allowed, doubtful, is_regular};
 use super::springs::lost;
 use super::time::Minutes;
 use super::{PlanError, Written, check_range, model_name, sheet};
@@ -290,36 +290,22 @@ pub fn judge<K: PlannedMachine<N>, const N: usize>(
     Ok(Judgement { expected, minutes: Minutes::of_places(poses.len()) })
 }
 
-/// Reads a plan of poses and judges it.
+/// Reads a plan of poses and judges it. Returns what to expect, and reasons not to measure it as it is.
 ///
 /// # Errors
 /// [`PlanError`].
-pub fn check<K: PlannedMachine<N>, const N: usize>(
+pub(super) fn check<K: PlannedMachine<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     path: &Path,
-) -> Result<Judgement, PlanError> {
+) -> Result<(String, Vec<String>), PlanError> {
     let (plan, noise) = PosesPlan::read(path, model_name::<N>())?;
-    judge(robot, &noise, &plan.poses, &path.display().to_string())
-}
-
-/// Says in which poses of a plan a machine that the robot file allows may not stand.
-///
-/// # Errors
-/// [`PlanError`].
-pub(super) fn unsafe_poses<K: PlannedMachine<N>, const N: usize>(
-    robot: &RobotFile<K, N>,
-    path: &Path,
-) -> Result<Option<String>, PlanError> {
-    let (plan, _) = PosesPlan::read(path, model_name::<N>())?;
-    let allowed = Allowed::of(robot);
-    let is_unsafe = |planned: &&PlannedPose| {
-        let q: Option<[f64; N]> = planned.q.as_slice().try_into().ok();
-        q.is_none_or(|q| !allowed.can_stand(&planned.pose(), &q))
-    };
-    let names: Vec<String> = plan.poses.iter().filter(is_unsafe).map(|planned| planned.name.to_string()).collect();
-    let off_mm = robot.simulation.geometry_mm;
-    Ok((!names.is_empty())
-        .then(|| format!("a machine {off_mm} mm off its file may not stand in {}; plan others", names.join(", "))))
+    let judgement = judge(robot, &noise, &plan.poses, &path.display().to_string())?;
+    let poses = plan.poses.iter();
+    let doubtful = doubtful(
+        robot,
+        poses.filter_map(|planned| Some((&planned.name, planned.pose(), planned.q.as_slice().try_into().ok()?))),
+    );
+    Ok((judgement.to_string(), lost(&judgement.expected).into_iter().chain(doubtful).collect()))
 }
 
 #[cfg(test)]

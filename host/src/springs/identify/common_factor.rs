@@ -4,14 +4,13 @@ use super::Found;
 use super::answer::Answer;
 use crate::fit::answer::{Parameter, Status};
 
-/// Factor between a compliance and the robot file's that is nobody's mistake, and twice the scatter of such factors.
+/// Factor between a compliance and the robot file's that needs no explanation, and standard deviation of the logarithm of such factors.
 const USUAL_FACTOR: f64 = 2.5;
 const SCATTER: f64 = 0.3;
 /// Standard deviations by which the common factor must be beyond it.
 const SURE_SD: f64 = 2.0;
-/// Units of a force, in newtons, with what a factor is near if the force is in them.
-const UNITS: [(&str, f64); 5] =
-    [("kgf", 9.806_65), ("daN", 10.0), ("lbf", 4.448_22), ("ozf", 0.278_014), ("kN", 1_000.0)];
+/// Units of a force, N. A factor of thousands is refused before a fit.
+const UNITS: [(&str, f64); 4] = [("kgf", 9.806_65), ("daN", 10.0), ("lbf", 4.448_22), ("ozf", 0.278_014)];
 /// Ratio of a factor to that of a unit which it may be.
 const NEAR: f64 = 1.5;
 

@@ -36,7 +36,7 @@ const FORCES: [usize; 3] = [0, 1, 2];
 const MOMENTS: [usize; 3] = [3, 4, 5];
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
-/// What has to be done to columns of a table.
+/// Change of columns of a table.
 enum Change {
     Load { columns: Vec<usize>, factor: f64 },
     Gauge { gauge: usize, factor: f64 },

@@ -149,7 +149,7 @@ fn tally(kind: &Kind, seeds: u64, failures: &mut Vec<String>) -> Tally {
 fn what_is_said_of_a_spring_holds_in_weak_campaigns() {
     let mut failures = Vec::new();
     for kind in &KINDS {
-        let tally = tally(kind, seeds(40), &mut failures);
+        let tally = tally(kind, seeds(200), &mut failures);
         let scatter = |status: Status| 3.0 * (0.05 * 0.95 / tally.count_of(status)).sqrt();
         for status in [Status::Identified, Status::Weak] {
             if let Some(share) = tally.share(status) {

@@ -100,7 +100,7 @@ impl<K: MachineKind<N>, const N: usize> Evaluation<'_, K, N> {
         body
     }
 
-    /// What the campaign does not show, and what would.
+    /// Doubts of `identify`: springs that the campaign does not show, and straps that would show them.
     fn lessons(&self) -> String {
         let doubts = self.found.as_ref().map_or(&[][..], |(_, doubts)| doubts);
         if doubts.is_empty() {

@@ -8,7 +8,7 @@ const NOTHING: &str = "no reading at all, -999";
 /// A mistake, and what it does.
 type Mistake = (&'static str, fn(&mut [f64], usize));
 
-/// What is done to a row of numbers: axes first, then the place.
+/// Changes of a row of numbers: axes first, then the place.
 const MISTAKES: [Mistake; 6] = [
     ("a coordinate 0.5 m off", |row, axes| row[axes] += 0.5),
     ("a coordinate 10 m off", |row, axes| row[axes + 1] -= 10.0),
@@ -86,5 +86,8 @@ fn gross_rows_of_an_f1_are_named_and_left_out() {
             .unwrap_or_else(|error| panic!("{trial}, {mistake}, {names:?}: {error}"));
         assert_eq!(left_out(&calibration), names, "{trial}: {mistake}");
         assert!(calibration.summary.contains(&names.join(", ")), "{}", calibration.summary);
+        // A tenth of the noise that is stated.
+        let is_told = |doubt: &String| doubt.starts_with("the stated noise is ");
+        assert!(calibration.doubts.iter().any(is_told), "{:?}", calibration.doubts);
     }
 }
