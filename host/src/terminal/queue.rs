@@ -67,19 +67,15 @@ impl Queue {
     pub(super) fn push(&self, lines: Vec<u8>) {
         let mut state = self.lock();
         if state.bytes.saturating_add(lines.len()) <= CAPACITY {
-            let told = self.told_of_refused(&mut state);
+            self.tell_of_refused(&mut state);
             state.add(lines);
             self.changed.notify_all();
-            drop(state);
-            self.tell(told);
             return;
         }
-        let is_first = state.refused == 0;
-        state.refused += count(&lines);
-        drop(state);
-        if is_first && self.log.is_some() {
+        if state.refused == 0 {
             self.tell(Some(format!("lines of the {} are lost: the reader does not take them", self.name)));
         }
+        state.refused += count(&lines);
     }
 
     /// True if everything was written.
@@ -122,20 +118,21 @@ impl Queue {
         format!("{lines} {noun} of the {} lost: {reason}", self.name)
     }
 
-    /// Takes the number of refused lines, once there is room again. The log tells of itself where the gap is; returns the sentence of others.
-    fn told_of_refused(&self, state: &mut State) -> Option<String> {
+    /// Tells how many lines were refused, once there is room again; the log tells it of itself, where the gap is.
+    fn tell_of_refused(&self, state: &mut State) {
         let refused = std::mem::take(&mut state.refused);
         if refused == 0 {
-            return None;
+            return;
         }
         let told = self.lost(refused, "the reader did not take them");
         if self.log.is_some() {
-            return Some(told);
+            self.tell(Some(told));
+        } else {
+            state.add(sentence(&told));
         }
-        state.add(sentence(&told));
-        None
     }
 
+    /// Adds a sentence to the log of another queue. Under the lock of this one, no waiter sees it finished before the log has the sentence.
     fn tell(&self, told: Option<String>) {
         if let (Some(log), Some(told)) = (self.log, told) {
             log.push(sentence(&told));
@@ -186,15 +183,10 @@ impl Queue {
                 state.is_writing = true;
                 return lines;
             }
-            let told = self.told_of_refused(&mut state);
-            if told.is_some() {
-                drop(state);
-                self.tell(told);
+            if state.refused > 0 {
+                self.tell_of_refused(&mut state);
                 // Whoever waits for the end waits for this as well.
                 self.changed.notify_all();
-                state = self.lock();
-            } else if !state.waiting.is_empty() {
-                // The sentence of the log about itself.
             } else if state.failed.is_some() && self.log.is_none() {
                 let (after, pause) = self.changed.wait_timeout(state, RETRY).unwrap_or_else(PoisonError::into_inner);
                 state = after;

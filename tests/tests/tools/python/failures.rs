@@ -2,7 +2,9 @@
 
 use std::process::{Child, Command};
 
+use gantry_tau::server::cycle::Row;
 use gantry_tau_core::control::message::{Cause, Phase};
+use gantry_tau_core::model::robot::ARMS;
 
 use super::{folder, python};
 use crate::session::{Session, Tool};
@@ -20,6 +22,8 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("targets_beyond_the_limits_are_cut", beyond),
 ];
 
+/// States after which a client leaves that is to leave.
+pub(super) const STATES: u64 = 300;
 /// Ticks before a controller fails.
 const GOOD: u32 = 60;
 
@@ -165,18 +169,52 @@ fn not_scheduled_and_wrong() {
     session.quit();
 }
 
+/// Numbers of a text, each after its words.
+pub(super) fn counted<const N: usize>(said: &str, words: [&str; N]) -> [u64; N] {
+    words.map(|words| {
+        let (_, rest) = said.split_once(words).unwrap_or_else(|| panic!("{said}"));
+        rest.chars().map_while(|digit| digit.to_digit(10)).fold(0, |number, digit| 10 * number + u64::from(digit))
+    })
+}
+
+/// True for a State of a session that was not ended.
+const fn is_live(row: &Row<ARMS>) -> bool {
+    matches!(row.state.phase, Phase::Handshake | Phase::Submit | Phase::Obtain)
+}
+
+/// Asserts that a client that left has heard every State of its session and the one that acknowledges its Goodbye, and no other but such as came
+/// with that. `live`: for each tick, true for a State of its session.
+pub(super) fn assert_heard(live: impl Iterator<Item = bool>, heard: u64) {
+    let since: Vec<bool> = live.skip_while(|is_live| !is_live).collect();
+    let least = since.iter().filter(|is_live| **is_live).count() as u64 + 1;
+    assert!(
+        (least.max(STATES + 1)..=since.len() as u64).contains(&heard),
+        "{heard} of {least} to {} States",
+        since.len()
+    );
+}
+
 /// `run` as a function, with what it does unless it is told otherwise.
 fn as_a_function() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
-    let script = "import sys; sys.path.insert(0, sys.argv[1]); import gantry_tau
-print(gantry_tau.run(lambda state, wrench: [20_000, 0, 0], server=sys.argv[2], states=300))";
+    let script = format!(
+        "import sys; sys.path.insert(0, sys.argv[1]); import gantry_tau
+print(gantry_tau.run(lambda state, wrench: [20_000, 0, 0], server=sys.argv[2], states={STATES}))"
+    );
     let mut python = python();
-    let program = python.args(["-c", script]).arg(folder()).arg(&session.addresses()[0]).spawn().unwrap();
+    let program = python.args(["-c", &script]).arg(folder()).arg(&session.addresses()[0]).spawn().unwrap();
     let (code, said) = session.end_of(program);
-    // States that arrive beside the Goodbye are no more than two.
-    let ends = [301, 302].map(|states| format!("Report(states={states}, commands=300, saturated=0)\n"));
-    assert!(code == Some(0) && ends.contains(&said), "{code:?} {said}");
     assert_eq!(session.ramped(), Cause::Goodbye);
+    let [heard, sent] = counted(&said, ["Report(states=", "commands="]);
+    assert_eq!((code, said), (Some(0), format!("Report(states={heard}, commands={sent}, saturated=0)\n")));
+    assert_heard(session.rows.iter().map(is_live), heard);
+    // The Goodbye is received, too. A State that came with another one has no answer, and the server a tick without a frame.
+    let live = session.rows.iter().filter(|row| is_live(row));
+    let frames: Vec<u32> = live.map(|row| row.state.counters.received).collect();
+    let silent = frames.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64;
+    let received = session.rows.last().unwrap().state.counters.received;
+    assert_eq!(sent + 1, u64::from(received));
+    assert!((STATES - silent..=STATES).contains(&sent), "{sent} commands, {silent} ticks without one");
     assert_eq!(session.obtained().last().unwrap().state.axes[0].offsets.position.0, 20_000);
     // The first command alone asks for Submit.
     let submitted = session.rows.iter().filter(|row| row.state.phase == Phase::Submit).count();

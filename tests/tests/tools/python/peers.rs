@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -245,19 +246,36 @@ fn six_axes() {
     let state = tempfile::tempdir().unwrap();
     let mut serve = Command::new(program::build());
     serve.args(["serve", "--robot", "f1", "--pace", "lockstep", "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"]);
-    serve.env("XDG_STATE_HOME", state.path()).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+    let recording = state.path().join("run.csv");
+    serve
+        .arg("--record")
+        .arg(&recording)
+        .env("XDG_STATE_HOME", state.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null());
     let mut server = serve.spawn().unwrap();
     let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
     let listening = lines.find_map(|line| Some(line.unwrap().split_once("listening on ")?.1.to_owned())).unwrap();
     let address = listening.split_once(',').unwrap().0;
-    let program = constant_offset(&[address, "--offset-um", "1,2,3,4,5,6", "--states", "300"]);
+    let program = constant_offset(&[address, "--offset-um", "1,2,3,4,5,6", "--states", &failures::STATES.to_string()]);
     let output = program.wait_with_output().unwrap();
     let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
-    server.kill().unwrap();
-    server.wait().unwrap();
-    let ends =
-        [301, 302].map(|states| format!("left with Goodbye after {states} States (0 with a saturated target); "));
-    assert!(ends.iter().any(|end| said.starts_with(end)), "{said}");
+    failures::signal(&server, "-TERM");
+    assert_eq!(server.wait().unwrap().code(), Some(0));
+    let [heard] = failures::counted(&said, ["left with Goodbye after "]);
+    assert!(said.contains("States (0 with a saturated target); "), "{said}");
+    let phases = phases(&recording);
+    let is_live = |phase: &String| ["Handshake", "Submit", "Obtain"].contains(&phase.as_str());
+    failures::assert_heard(phases.iter().map(is_live), heard);
+}
+
+/// Phases of a recording, row by row.
+fn phases(recording: &Path) -> Vec<String> {
+    let csv = std::fs::read_to_string(recording).unwrap();
+    let mut rows = csv.lines().map(|line| line.split(','));
+    let column = rows.next().unwrap().position(|name| name == "state").unwrap();
+    rows.map(|mut row| row.nth(column).unwrap().to_owned()).collect()
 }
 
 /// Numbers and texts of the client in Python.
