@@ -4,6 +4,8 @@
 //! A column is accused only if it carries a signal, the campaign as it is is rejected, the mended one is not, and it explains the readings far
 //! better. Noise with the other sign is noise.
 
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
 use crate::measurements::FileError;
 use crate::measurements::springs::{Campaign, LOAD, Window};
 use crate::springs::choice::Choice;
@@ -26,7 +28,9 @@ const SIGNAL: f64 = 100.0;
 /// Chi-squared per degree of freedom of a plain fit that is grossly wrong, and smallest factor by which a mended column makes it smaller.
 const GROSS: f64 = 10.0;
 const GROSS_FACTOR: f64 = 5.0;
-/// Linearisations of the fits that say which mistakes are likely, and number of those that are tried.
+/// Number of mistakes, the first after one step of a fit, that further steps are made for; linearisations of these fits; and number of those that
+/// are tried.
+const MOST_PROMISING: usize = 10;
 const STEPS: u32 = 4;
 const MOST_TRIED: usize = 3;
 /// Newtons of a kilogram's weight.
@@ -35,26 +39,35 @@ const NEWTONS_PER_KG: f64 = 9.806_65;
 const FORCES: [usize; 3] = [0, 1, 2];
 const MOMENTS: [usize; 3] = [3, 4, 5];
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
+const SWAPPED: &str = "these two columns are swapped";
 
 /// Change of columns of a table.
 enum Change {
-    Load { columns: Vec<usize>, factor: f64 },
-    Gauge { gauge: usize, factor: f64 },
-    SwapLoads(usize, usize),
+    /// The wrench, made of these columns, is this matrix times that of the table.
+    Load {
+        columns: Vec<usize>,
+        mended: Matrix6<f64>,
+    },
+    Gauge {
+        gauge: usize,
+        factor: f64,
+    },
     SwapGauges(usize, usize),
 }
 
 /// Change that mends a table, and the sentence for it.
 struct Mistake {
     change: Change,
-    reason: &'static str,
+    reason: String,
 }
 
 impl Mistake {
+    /// All of them, the simplest first.
     fn all(gauges: usize) -> impl Iterator<Item = Self> {
-        let of = |columns: &[usize], factor: f64, reason: &'static str| Self {
-            change: Change::Load { columns: columns.to_vec(), factor },
-            reason,
+        let of = |columns: &[usize], factor: f64, reason: &str| {
+            let factors = Vector6::from_fn(|column, _| if columns.contains(&column) { factor } else { 1.0 });
+            let mended = Matrix6::from_diagonal(&factors);
+            Self { change: Change::Load { columns: columns.to_vec(), mended }, reason: reason.to_owned() }
         };
         let reversed = "the wrench has the wrong sign: it is the load on the platform, not what the platform pulls with; negate these columns";
         let groups = [
@@ -68,25 +81,40 @@ impl Mistake {
         let single = ALL.map(|column| of(&[column], -1.0, "this column has the wrong sign; negate it"));
         let gauge = |gauge: usize| Self {
             change: Change::Gauge { gauge, factor: -1.0 },
-            reason: "the readings fall where by the others they should rise; the gauge's axis is reversed, or its sign",
+            reason: "the readings fall where by the others they should rise; the gauge's axis is reversed, or its sign"
+                .to_owned(),
         };
-        let swapped = "these two columns are swapped";
-        let loads = [(0, 1), (0, 2), (1, 2), (3, 4), (3, 5), (4, 5)]
-            .map(|(one, other)| Self { change: Change::SwapLoads(one, other), reason: swapped });
         let pairs = (0..gauges).flat_map(move |one| (one + 1..gauges).map(move |other| (one, other)));
-        let pairs = pairs.map(move |(one, other)| Self { change: Change::SwapGauges(one, other), reason: swapped });
-        groups.into_iter().chain(single).chain((0..gauges).map(gauge)).chain(loads).chain(pairs)
+        let pairs =
+            pairs.map(move |(one, other)| Self { change: Change::SwapGauges(one, other), reason: SWAPPED.to_owned() });
+        groups.into_iter().chain(single).chain((0..gauges).map(gauge)).chain(orders()).chain(pairs)
+    }
+
+    /// The columns of the wrench in another order, or along other axes.
+    fn ordered(forces: &Matrix3<f64>, moments: &Matrix3<f64>) -> Self {
+        let mut mended = Matrix6::zeros();
+        mended.fixed_view_mut::<3, 3>(0, 0).copy_from(forces);
+        mended.fixed_view_mut::<3, 3>(3, 3).copy_from(moments);
+        let touched = |column: &usize| mended[(*column, *column)] < 1.0;
+        let columns: Vec<usize> = ALL.into_iter().filter(touched).collect();
+        let swapped = columns.len() == 2 && mended.iter().all(|entry| *entry >= 0.0);
+        let reason = if swapped {
+            SWAPPED.to_owned()
+        } else {
+            let written: Vec<String> = columns.iter().map(|column| signed(&mended.row(*column).transpose())).collect();
+            format!("the wrench is along other axes than the world's; write {} in their place", written.join(", "))
+        };
+        Self { change: Change::Load { columns, mended }, reason }
     }
 
     fn taken_back<const N: usize>(&self, campaign: &Campaign<N>) -> Campaign<N> {
         let mut campaign = campaign.clone();
         for window in &mut campaign.windows {
             match &self.change {
-                Change::Load { columns, factor } => columns.iter().for_each(|column| window.load[*column] *= factor),
+                Change::Load { mended, .. } => window.load = mended * window.load,
                 Change::Gauge { gauge, factor } => {
                     window.readings_m[*gauge] = window.readings_m[*gauge].map(|reading| reading * factor);
                 }
-                Change::SwapLoads(one, other) => window.load.swap_rows(*one, *other),
                 Change::SwapGauges(one, other) => window.readings_m.swap(*one, *other),
             }
         }
@@ -98,7 +126,6 @@ impl Mistake {
         match &self.change {
             Change::Load { columns, .. } => any_load_has_signal(question, columns),
             Change::Gauge { gauge, .. } => gauge_has_signal(question.campaign, *gauge),
-            Change::SwapLoads(one, other) => any_load_has_signal(question, &[*one, *other]),
             Change::SwapGauges(one, other) => {
                 [*one, *other].iter().any(|gauge| gauge_has_signal(question.campaign, *gauge))
             }
@@ -119,12 +146,40 @@ impl Mistake {
         let (names, read): (Vec<String>, Option<usize>) = match &self.change {
             Change::Load { columns, .. } => (columns.iter().map(load).collect(), None),
             Change::Gauge { gauge: read, .. } => (vec![gauge(read)], Some(*read)),
-            Change::SwapLoads(one, other) => ([one, other].map(load).into(), None),
             Change::SwapGauges(one, other) => ([one, other].map(gauge).into(), Some(*one)),
         };
         let is_read = |window: &&Window<N>| read.is_none_or(|gauge| window.readings_m[gauge].is_some());
-        Some(campaign.error(campaign.windows.iter().find(is_read)?, &names.join(", "), self.reason))
+        Some(campaign.error(campaign.windows.iter().find(is_read)?, &names.join(", "), &self.reason))
     }
+}
+
+/// Orders of the columns of forces, of moments, and axes of the whole wrench, other than the right ones.
+fn orders() -> impl Iterator<Item = Mistake> {
+    let all = signed_permutations();
+    let is_other = |matrix: &Matrix3<f64>| *matrix != Matrix3::identity();
+    let plain: Vec<_> = all.iter().filter(|matrix| is_other(matrix) && matrix.min() >= 0.0).copied().collect();
+    let turned: Vec<_> = all.into_iter().filter(|matrix| is_other(matrix) && matrix.determinant() > 0.0).collect();
+    let swapped = plain.clone().into_iter().filter(|matrix| matrix.determinant() < 0.0);
+    let one = plain.clone().into_iter().map(|matrix| Mistake::ordered(&matrix, &Matrix3::identity()));
+    let other = plain.into_iter().map(|matrix| Mistake::ordered(&Matrix3::identity(), &matrix));
+    one.chain(other).chain(swapped.chain(turned).map(|matrix| Mistake::ordered(&matrix, &matrix)))
+}
+
+/// The 48 matrices that put three axes in another order, and reverse some.
+fn signed_permutations() -> Vec<Matrix3<f64>> {
+    let order = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    let signs = (0..8_u8).map(|bits| Vector3::from_fn(|axis, _| if bits >> axis & 1 == 1 { -1.0 } else { 1.0 }));
+    signs
+        .flat_map(|signs| {
+            order.map(|order| Matrix3::from_fn(|row, column| if order[row] == column { signs[row] } else { 0.0 }))
+        })
+        .collect()
+}
+
+/// The one column that a row of a signed permutation takes, with its sign.
+fn signed(row: &Vector6<f64>) -> String {
+    let column = row.iamax();
+    format!("{}{}", if row[column] < 0.0 { "-" } else { "" }, LOAD[column])
 }
 
 /// True if any of these columns of the load changes by more than its noise.
@@ -199,27 +254,56 @@ pub(super) fn checked<'a, const N: usize>(
     // A fit that fails costs all, though its springs, negative ones, leave little.
     let of_plain = after_steps(question).filter(|_| cost.is_finite());
     let chi2 = of_plain.map_or(f64::INFINITY, |solved| solved.rows.chi_squared());
-    let best = likely(question, chi2).into_iter().filter_map(|mistake| Some((mended(&mistake)?, mistake)));
-    let best = best.min_by(|(one, _), (other, _)| one.total_cmp(other));
+    let explaining = likely(question, chi2).into_iter().filter_map(|mistake| Some((mended(&mistake)?, mistake)));
+    let better = |one: (f64, Mistake), other: (f64, Mistake)| if other.0 < one.0 - LEAST_GAIN { other } else { one };
+    let best = explaining.reduce(better);
     match best.and_then(|(_, mistake)| mistake.error(question.campaign)) {
         Some(error) => Err(error.into()),
         None => found,
     }
 }
 
-/// Mistakes without which a few steps of a plain fit go below this chi-squared with positive compliances, the likeliest first.
+/// Mistakes without which a few steps of a plain fit go below this chi-squared with positive compliances, the likeliest first; of those that are as
+/// likely the simplest.
 fn likely<const N: usize>(question: &Question<'_, N>, most: f64) -> Vec<Mistake> {
     let all = Mistake::all(question.campaign.gauges.len()).filter(|mistake| mistake.has_signal(question));
-    let tried = all.filter_map(|mistake| {
+    let promising = all.enumerate().filter_map(|(rank, mistake)| {
         let mended = mistake.taken_back(question.campaign);
+        Some(Tried { chi2: after_one_step(&question.on(&mended))?, rank, mistake })
+    });
+    let tried = best_of(promising.collect(), MOST_PROMISING).into_iter().filter_map(|tried| {
+        let mended = tried.mistake.taken_back(question.campaign);
         let question = question.on(&mended);
         let solved = after_steps(&question).filter(|solved| check_positive(&question, solved).is_ok())?;
         let chi2 = solved.rows.chi_squared();
-        (chi2 < most).then_some((chi2, mistake))
+        (chi2 < most).then_some(Tried { chi2, ..tried })
     });
-    let mut tried: Vec<(f64, Mistake)> = tried.collect();
-    tried.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-    tried.into_iter().take(MOST_TRIED).map(|(_, mistake)| mistake).collect()
+    let mut best = best_of(tried.collect(), MOST_TRIED);
+    let least = best.first().map_or(0.0, |first| first.chi2);
+    best.sort_by_key(|tried| if tried.chi2 < least + LEAST_GAIN { tried.rank } else { usize::MAX });
+    best.into_iter().map(|tried| tried.mistake).collect()
+}
+
+/// A mistake, its place among all, and chi-squared of all readings without it.
+struct Tried {
+    chi2: f64,
+    rank: usize,
+    mistake: Mistake,
+}
+
+/// The first by their chi-squared.
+fn best_of(mut tried: Vec<Tried>, most: usize) -> Vec<Tried> {
+    tried.sort_by(|one, other| one.chi2.total_cmp(&other.chi2));
+    tried.truncate(most);
+    tried
+}
+
+/// Chi-squared of all readings after a step from the robot file's springs, to first order.
+fn after_one_step<const N: usize>(question: &Question<'_, N>) -> Option<f64> {
+    let Solved { rows, seen, .. } =
+        rounds(question, &Choice::all(question.campaign), State::start(question), 1).ok()?;
+    let step = seen.scored_step(&rows);
+    Some((&rows.residuals - &rows.derivatives * step).norm_squared())
 }
 
 /// The fit of all readings after some steps from the robot file's springs.
