@@ -129,7 +129,9 @@ pub(super) fn write_learned(
     text: &str,
     besides: &[(Option<&Output>, &str)],
 ) -> Result<(), Box<dyn std::error::Error>> {
-    AnyRobotFile::parse(&robot_file.path().display().to_string(), text)?;
+    AnyRobotFile::parse("what was found", text).map_err(|error| {
+        format!("{error}: it is no robot file, and nothing is written; look at the units of the measured columns, and at these keys of the file that it began with")
+    })?;
     let asked = besides.iter().filter_map(|(output, text)| output.map(|output| (output, *text)));
     Ok(write_all(&asked.chain([(robot_file, text)]).collect::<Vec<_>>())?)
 }

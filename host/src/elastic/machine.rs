@@ -73,7 +73,7 @@ impl fmt::Display for ElasticError {
             Self::NotFinite => f.write_str("axes, load or start pose are not finite"),
             Self::Singular => f.write_str("the links cannot carry a load in this pose"),
             Self::NotConverged { residual_m } => {
-                write!(f, "no equilibrium after {MAX_ITERATIONS} steps, length error {residual_m:e} m")
+                write!(f, "no equilibrium after {MAX_ITERATIONS} steps, length error {residual_m:.1e} m")
             }
         }
     }

@@ -33,7 +33,8 @@ pub(crate) fn too_small(chi2: f64, degrees: usize) -> Option<String> {
     })
 }
 
-fn said(p: f64) -> String {
+/// A probability as sentences have it.
+pub(crate) fn said(p: f64) -> String {
     if p < ROUNDING { format!("p below {ROUNDING:e}") } else { format!("p = {p:.1e}") }
 }
 

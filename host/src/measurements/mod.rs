@@ -2,6 +2,7 @@
 //! be, is an error that names file, line and column.
 
 pub mod frame;
+pub(crate) mod mistaken_columns;
 pub mod plan;
 pub mod poses;
 pub(crate) mod repeated;

@@ -26,7 +26,7 @@ pub const FORMAT: &str = "gantry-tau springs 1";
 /// Largest number of gauges.
 pub const MAX_GAUGES: usize = 16;
 /// Largest position of an axis, q-units; reading, µm; force, N; moment, N m; time, s.
-pub(crate) const MOST: [f64; 5] = [1e3, 2e4, 1e5, 1e5, 1e9];
+pub(crate) const MOST: [f64; 5] = [1e3, 1e5, 1e5, 1e5, 1e9];
 /// Largest angle of a wrist's joint, rad: a turn.
 pub const MOST_TURNED_RAD: f64 = std::f64::consts::TAU;
 /// Range of a standard deviation, in the unit of its key.

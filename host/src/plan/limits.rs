@@ -1,4 +1,4 @@
-//! Limits of a plan: poses away from singular ones, and loads that leave cluster 3 on the side it rests on.
+//! Limits of a plan: poses away from singular ones, that every machine can stand in which the robot file allows.
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics;
@@ -8,13 +8,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use crate::elastic::Pose;
 use crate::elastic::joints::joint;
-use crate::elastic::{ElasticMachine, Pose};
 use crate::geometry::deviation::Deviating;
-use crate::model::MachineKind;
 use crate::output::Name;
 use crate::robot_file::RobotFile;
-use crate::sim::springs::preload_n;
 
 /// Smallest determinant of the directions of the clusters, and smallest cosine between a link and its guideway.
 const LEAST: f64 = 0.1;
@@ -24,8 +22,6 @@ const LEAST_ALLOWED: f64 = 0.03;
 const FARTHER: f64 = 2.0;
 const ALLOWED: usize = 200;
 const SEED: u64 = 1;
-/// Share of the preload that a load may take off the side that cluster 3 rests on.
-const MOST_PRELOAD: f64 = 0.8;
 /// Factor by which a machine may be softer than its file.
 pub(super) const MOST_SOFT: f64 = 2.0;
 /// Range of a gauge, m.
@@ -91,41 +87,4 @@ fn regularity<const N: usize>(geometry: &f1::Geometry, pose: &Pose, q: &[f64; N]
         sums[arm] += direction;
     }
     least.min(Matrix3::from_columns(&sums.map(|sum| sum.normalize())).determinant().abs())
-}
-
-/// The preload of cluster 3: sum of the tensions of its links by weight alone, N.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Preload {
-    force_n: f64,
-}
-
-impl Preload {
-    /// Of a robot file that knows a jump: by what was found, or by the force in x at home that takes the platform off cart 3.
-    pub(super) fn of<K: MachineKind<N>, const N: usize>(
-        robot: &RobotFile<K, N>,
-        machine: &ElasticMachine<N>,
-    ) -> Option<Self> {
-        if let Some(play) = &robot.play {
-            let nearest = play.preload_ends_n().into_iter().min_by(|one, other| one.abs().total_cmp(&other.abs()))?;
-            return Some(Self { force_n: nearest });
-        }
-        let simulation = &robot.simulation;
-        if simulation.jump_gap_m <= 0.0 {
-            return None;
-        }
-        let home_q = robot.home_q().ok()?;
-        let force_n = preload_n(machine, simulation.home_m, &home_q, simulation.jump_force_n).ok()?;
-        Some(Self { force_n })
-    }
-
-    /// True if a load whose cluster force is `cluster_n` leaves the platform on cart 3, with a fifth to spare.
-    pub(super) fn holds(&self, cluster_n: f64) -> bool {
-        -cluster_n * self.force_n.signum() <= MOST_PRELOAD * self.force_n.abs()
-    }
-
-    /// Share of a load at which the platform leaves cart 3, for a load whose cluster force is `cluster_n`; `None` if it never does.
-    pub(super) fn share_at_jump(&self, cluster_n: f64) -> Option<f64> {
-        let share = -self.force_n / cluster_n;
-        (share > 0.0 && share.is_finite()).then_some(share)
-    }
 }

@@ -8,7 +8,7 @@
 //! | [`exchange`] | choice among candidates, criteria I and D |
 //! | [`expected`] | standard deviations, lost directions, observability indices |
 //! | `bench` | what a strap tells of the springs, one series at a time |
-//! | `limits` | poses away from singular ones; loads that leave cluster 3 on its side |
+//! | `limits` | poses away from singular ones |
 //! | [`springs`] | plan of a campaign of straps and gauges; judgement of any |
 //! | [`geometry`] | plan of poses for a calibration; judgement of any |
 //! | [`verify`] | plan of straps at poses and in directions that identification did not use |

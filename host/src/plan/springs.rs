@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, Vector3};
 use super::bench::{Bench, Stand, Strap};
 use super::exchange::{Criterion, Search};
 use super::expected::Expected;
-use super::limits::{GAUGE_RANGE_M, Preload};
+use super::limits::GAUGE_RANGE_M;
 use super::time::Minutes;
 use super::{PlanError, Written, check_range, model_name, sheet};
 use crate::elastic::ElasticError;
@@ -22,6 +22,7 @@ use crate::output::Name;
 use crate::robot_file::RobotFile;
 use crate::springs::compliances::Springs;
 use crate::springs::gauge::{Body, Gauge};
+use crate::springs::preload::Preload;
 
 pub(super) use candidates::stand_at;
 use candidates::{Grid, around_jump, nearest_first, stands, strap_order};

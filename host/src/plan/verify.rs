@@ -4,7 +4,7 @@ use gantry_tau_core::model::kinematics::Pose;
 use nalgebra::{DMatrix, Vector3};
 
 use super::bench::{Bench, Stand, Strap};
-use super::limits::{Allowed, GAUGE_RANGE_M, MOST_SOFT, Preload};
+use super::limits::{Allowed, GAUGE_RANGE_M, MOST_SOFT};
 use super::springs::{SpringsOptions, default_gauges, pose_entry, springs, stand_at, written};
 use super::{PlanError, Written};
 use crate::geometry::deviation::Deviating;
@@ -14,6 +14,7 @@ use crate::output::Name;
 use crate::robot_file::RobotFile;
 use crate::springs::compliances::Springs;
 use crate::springs::gauge::Gauge;
+use crate::springs::preload::Preload;
 use crate::workspace::{Grid, survey};
 
 /// Hooks that plans of springs do not have, from the tool centre point, m.

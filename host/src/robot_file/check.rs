@@ -105,7 +105,7 @@ pub(super) fn travel_in_q<const N: usize>(
         range(&key, *metres, 1e-6, 1e3)?;
         // Not `deviation > ..`: a guideway that is NaN is named by the robot's own check.
         if let Some(scale) = length.filter(|l| (metres - l).abs() > SCALE_TOLERANCE * l) {
-            let reason = format!("is {metres}, but V[{index}] is {scale} m long");
+            let reason = format!("is {metres}, but V[{index}] is {scale:.6} m long");
             return Err(Problem::new(key, reason));
         }
         *entry = (lower / metres, upper / metres);

@@ -80,7 +80,9 @@ pub(crate) struct Lines {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LinesError {
     /// A window has no equilibrium.
-    #[error("line {line}: {error}")]
+    #[error(
+        "line {line}: under this load {error}: the machine would buckle or come apart; check units and signs of forces and moments, and the robot file's springs"
+    )]
     Window {
         /// Line of the table.
         line: u64,

@@ -15,5 +15,6 @@ pub mod identify;
 pub(crate) mod lines;
 pub mod loaded;
 mod play;
+pub(crate) mod preload;
 pub(crate) mod setup;
 pub mod thesis;

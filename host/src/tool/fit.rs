@@ -16,8 +16,9 @@ use gantry_tau_core::model::statics::Wrench;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::fit::answer::{Status, Uncertainty};
-use crate::fit::least_squares::{Fit, FitError, Rows, fit};
-use crate::fit::statistics::float;
+use crate::fit::goodness::LEAST_P;
+use crate::fit::least_squares::{Fit, FitError, Rows, Seen, fit};
+use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::tool::Noise;
 
 /// Parameters of the tool: weight and centre of gravity. As many follow for the bias.
@@ -26,6 +27,10 @@ pub const TOOL: usize = 6;
 const TOOL_SCALES: [f64; TOOL] = [1.0, 1.0, 1.0, 0.01, 0.01, 0.01];
 /// Changes that would matter: of the bias, N, N m.
 const BIAS_SCALES: [f64; 6] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1];
+/// Factor of these at which hardly anything counts as lost.
+const FREE: f64 = 1e3;
+/// Fits that may change what is kept.
+const MOST_BEGINNINGS: u32 = 4;
 /// Largest change of a reading by one scale of a parameter, in standard deviations, that is rounding of a rotation.
 const ROUNDING_SD: f64 = 1e-6;
 
@@ -83,8 +88,21 @@ pub fn fit_tool(
     };
     // Moments with a wrong weight or centre would pull the fit to another minimum: forces alone, which are linear, give the weight to begin with.
     let forces_only = sds.map_with_location(|row, _, sd| if row < 3 { sd } else { f64::INFINITY });
-    let weighed = fit(start, &scales, |tool| Ok(contrasts(mounting, readings, &forces_only, tool)), moved)?;
-    let fit = fit(weighed.state, &scales, |tool| Ok(contrasts(mounting, readings, &sds, tool)), moved)?;
+    let weighed = fit(start, &scales, |tool| Ok(contrasts(mounting, readings, &forces_only, tool)), moved)?.state;
+    let fit_from = |begin: Tool, scales: &DVector<f64>| {
+        fit(begin, scales, |tool| Ok(contrasts(mounting, readings, &sds, tool)), moved)
+    };
+    let free = fit_from(weighed, &(&scales * FREE)).ok();
+    let kept = keeping(&start, &weighed, moved, |begin| fit_from(begin, &scales))?;
+    // A value of the file that the readings contradict is not kept, however badly they know it.
+    let is_contradicted = |free: &Fit<Tool>| {
+        let count = kept.degrees().saturating_sub(free.degrees());
+        count > 0 && chi_squared_above(kept.chi_squared() - free.chi_squared(), count) < LEAST_P
+    };
+    let fit = match free.filter(is_contradicted) {
+        Some(free) => Fit { seen: Seen::holding(&free.rows, &scales, &free.held), ..free },
+        None => kept,
+    };
     let tool = fit.state;
     let count = float(readings.len());
     let (mut bias, mut mean_derivatives) = (Vector6::zeros(), Matrix6::zeros());
@@ -113,6 +131,33 @@ pub fn fit_tool(
     covariance.view_mut((0, TOOL), (TOOL, TOOL)).copy_from(&cross);
     covariance.view_mut((TOOL, TOOL), (TOOL, TOOL)).copy_from(&(of_noise + whole));
     Ok(FittedTool { tool, bias: Wrench::from_array(bias.into()), covariance, fit, uncertainty, of_bias })
+}
+
+/// Fits from the weight of the forces alone, but for what the readings do not see: that keeps the value of `start`.
+fn keeping(
+    start: &Tool,
+    weighed: &Tool,
+    moved: impl Fn(&Tool, &DVector<f64>) -> Tool,
+    fit_from: impl Fn(Tool) -> Result<Fit<Tool>, FitError<Infallible>>,
+) -> Result<Fit<Tool>, FitError<Infallible>> {
+    let scales = DVector::from_row_slice(&TOOL_SCALES);
+    let mut whole = DVector::zeros(TOOL);
+    whole.fixed_rows_mut::<3>(0).copy_from(&(weighed.weight_n - start.weight_n));
+    whole.fixed_rows_mut::<3>(3).copy_from(&(weighed.centre_m - start.centre_m));
+    whole.component_div_assign(&scales);
+    let mut found = fit_from(*weighed)?;
+    for _ in 0..MOST_BEGINNINGS {
+        let directions = found.held.directions();
+        let mut step = &whole - directions * directions.tr_mul(&whole);
+        found.held.kept().iter().for_each(|kept| step[*kept] = 0.0);
+        let next = fit_from(moved(start, &step.component_mul(&scales)))?;
+        let is_same = next.held.agrees(&found.held);
+        found = next;
+        if is_same {
+            return Ok(found);
+        }
+    }
+    fit_from(*start)
 }
 
 /// Whitened Helmert contrasts of what a tool leaves of the readings.

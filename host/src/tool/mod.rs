@@ -2,6 +2,7 @@
 #![expect(clippy::indexing_slicing, reason = "three and six components are counted by the arrays themselves")]
 
 pub mod fit;
+mod mistakes;
 #[cfg(test)]
 mod tests;
 
@@ -9,6 +10,7 @@ use std::convert::Infallible;
 use std::path::PathBuf;
 
 use gantry_tau_core::model::kinematics::KinematicsError;
+use gantry_tau_core::model::sensor::Tool;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
@@ -126,17 +128,20 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
 ) -> Result<IdentifiedTool, ToolError> {
     let measured: ToolReadings<N> = tool::read(&options.setup, K::MODEL)?;
     let turned = |reading: &tool::ToolReading<N>| {
-        let rotation = rotation(&reading.q).map_err(|error| measured.error(reading, "q_1", error))?;
+        let rotation = rotation(&reading.q).map_err(|error| out_of_reach(&measured, reading, error))?;
         Ok::<_, FileError>(Turned { rotation, raw: reading.raw })
     };
     let readings = measured.readings.iter().map(turned).collect::<Result<Vec<_>, _>>()?;
     let mounting = Mounting { rotation: robot.sensor.rotation_matrix(), lever_m: robot.sensor.lever_m.into() };
-    let fitted = fit_tool(&mounting, &readings, measured.noise, robot.sensor.tool.into());
+    let start: Tool = robot.sensor.tool.into();
+    let fitted = fit_tool(&mounting, &readings, measured.noise, start);
+    let question = mistakes::Question { measured: &measured, mounting: &mounting, readings: &readings, start };
+    question.check(fitted.as_ref().ok())?;
     let fitted = fitted.map_err(|reason| match reason {
         FitError::TooFew { .. } => ToolError::TooFew { table: measured.table.clone() },
         reason => ToolError::Fit { table: measured.table.clone(), reason },
     })?;
-    check_gravity(&measured, &fitted, &robot.sensor.tool.weight_n.into())?;
+    check_gravity(&measured, &fitted, &start.weight_n)?;
     let answer = answer(&fitted, K::MODEL);
     Ok(IdentifiedTool {
         json: serde_json::to_string_pretty(&answer).map_err(|error| ToolError::Edit(error.to_string()))?,
@@ -146,17 +151,37 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
     })
 }
 
-/// Refuses a tool that pulls against the robot file's, or upwards where the file has none: readings of what the sensor exerts.
+/// Error about the axes of a reading: the column of the axis that is out of its travel, if it is one.
+fn out_of_reach<const N: usize>(
+    measured: &ToolReadings<N>,
+    reading: &tool::ToolReading<N>,
+    error: KinematicsError,
+) -> FileError {
+    match error {
+        KinematicsError::OutOfRange { axis, q, lower, upper } => measured.error(
+            reading,
+            &format!("q_{}", axis + 1),
+            format_args!("is {q:.4}, outside of the axis' travel, {lower:.4} to {upper:.4}; q is in the robot file's q-units: metres, radians, or turns by metres_per_q"),
+        ),
+        error => measured.error(reading, "q_1", format_args!("the machine does not reach these axes: {error}")),
+    }
+}
+
+/// True if a tool pulls against the robot file's, or upwards where the file has none, for sure.
+fn pulls_upwards(fitted: &FittedTool, file_n: &Vector3<f64>) -> bool {
+    let down = file_n.try_normalize(0.0).unwrap_or_else(|| -Vector3::z());
+    let sd = down.dot(&(fitted.covariance.fixed_view::<3, 3>(0, 0) * down)).max(0.0).sqrt();
+    down.dot(&fitted.tool.weight_n) < -SURE_SD * sd
+}
+
+/// Refuses a tool that pulls upwards: readings of what the sensor exerts.
 fn check_gravity<const N: usize>(
     measured: &ToolReadings<N>,
     fitted: &FittedTool,
     file_n: &Vector3<f64>,
 ) -> Result<(), FileError> {
-    let down = file_n.try_normalize(0.0).unwrap_or_else(|| -Vector3::z());
     let weight_n = &fitted.tool.weight_n;
-    let sd = down.dot(&(fitted.covariance.fixed_view::<3, 3>(0, 0) * down)).max(0.0).sqrt();
-    let is_upwards = down.dot(weight_n) < -SURE_SD * sd;
-    match measured.readings.first().filter(|_| is_upwards) {
+    match measured.readings.first().filter(|_| pulls_upwards(fitted, file_n)) {
         None => Ok(()),
         Some(first) => Err(measured.error(first, LOAD[0], format_args!(
             "the tool would pull upwards, ({:.1}, {:.1}, {:.1}) N: these are forces and moments that the sensor exerts, not those on it; negate all six columns (or turn weight_n of the robot file, if that points upwards)",
@@ -214,7 +239,7 @@ fn doubts(fitted: &FittedTool, answer: &Answer) -> Vec<String> {
     doubts.extend(goodness::too_small(answer.chi2, answer.dof));
     let seen = Seen::new(&fitted.fit.rows, fitted.fit.seen.scales());
     let lost = Unobservable::list(&names()[..TOOL], &seen.lost());
-    if !lost.is_empty() {
+    if fitted.fit.held.count() > 0 {
         let lost = lost.iter().map(Unobservable::to_string).collect::<Vec<_>>().join("; ");
         doubts.push(format!("not told from the bias in these poses, kept at the file's values: {lost}"));
     }

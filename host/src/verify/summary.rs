@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::measured::PairResult;
-use crate::fit::goodness::LEAST_P;
+use crate::fit::goodness::{self, LEAST_P};
 use crate::fit::statistics::{chi_squared_above, float};
 use crate::measurements::springs::Campaign;
 use crate::model::MachineKind;
@@ -130,11 +130,20 @@ impl Verification {
         let mut doubts = Vec::new();
         if self.p < LEAST_P {
             let reduced = self.chi2 / float(self.dof);
+            let farthest = self.pairs.iter().max_by(|one, other| one.z.abs().total_cmp(&other.z.abs()));
+            let farthest = farthest.map(|pair| {
+                format!(
+                    ", window {} of series {} most of all, by {:.1} standard deviations",
+                    pair.window, pair.series, pair.z
+                )
+            });
             doubts.push(format!(
-                "the readings are not those of this file's machine: chi2/dof is {reduced:.2} (p = {:.1e})",
-                self.p
+                "the readings are not those of this file's machine: chi2/dof is {reduced:.2} ({}){}",
+                goodness::said(self.p),
+                farthest.unwrap_or_default()
             ));
         }
+        doubts.extend(goodness::too_small(self.chi2, self.dof));
         if self.judged.pairs == 0 {
             let (jump, limit) = (self.at_the_jump.pairs, self.saturated.pairs);
             doubts.push(format!("no pair is judged: {jump} across the jump, {limit} at an offset limit"));

@@ -170,7 +170,7 @@ fn what_is_not_a_table_of_ticks_is_refused() {
     let refused = |change: &dyn Fn(&str) -> String, expected: &str| assert_eq!(bench.refused(change), expected);
     refused(&field(4, 7, "NaN"), "raw.csv:4: q_1: NaN is not from -1e3 to 1e3; the unit is in the column's name");
     refused(&field(5, 10, "north"), "raw.csv:5: sensor_force_x_n: \"north\" is not a number");
-    refused(&field(6, 16, "inf"), "raw.csv:6: pz1_um: inf is not from -2e4 to 2e4; the unit is in the column's name");
+    refused(&field(6, 16, "inf"), "raw.csv:6: pz1_um: inf is not from -1e5 to 1e5; the unit is in the column's name");
     refused(&field(6, 6, "-3"), "raw.csv:6: tick: \"-3\" is not a whole number from 0");
     refused(&field(6, 5, ""), "raw.csv:6: time_s: \"\" is not a number");
     refused(&field(6, 2, "moon"), "raw.csv:6: series: a series has one mounting and one pose");

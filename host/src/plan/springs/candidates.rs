@@ -11,9 +11,10 @@ use crate::model::MachineKind;
 use crate::plan::PlanError;
 use crate::plan::bench::{Bench, Series, Stand, Strap};
 use crate::plan::exchange::Candidate;
-use crate::plan::limits::{Allowed, GAUGE_RANGE_M, MOST_SOFT, Preload, is_regular};
+use crate::plan::limits::{Allowed, GAUGE_RANGE_M, MOST_SOFT, is_regular};
 use crate::robot_file::RobotFile;
 use crate::springs::gauge::Gauge;
+use crate::springs::preload::Preload;
 
 /// Places of the grid, from home, m, in x, y, z.
 const FROM_HOME_M: [[f64; 3]; 3] = [[-0.4, 0.0, 0.4], [-0.2, -0.05, 0.08], [-0.15, 0.0, 0.15]];

@@ -4,10 +4,11 @@ use nalgebra::Vector3;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::weak::{KINDS, measured, on_home, options, seeds, strap};
+use super::weak::{GAP_M, KINDS, OPENS_AT_N, measured, on_home, options, seeds, strap};
 use super::*;
+use crate::fit::answer::Parameter;
 use crate::robot_file::RobotFile;
-use crate::springs::campaigns::{Bench, FINE, HOOKS, Strap, campaign_a, never, seeded, straps};
+use crate::springs::campaigns::{Bench, FINE, HOOKS, Strap, campaign_a, never, normal, seeded, straps};
 
 /// Spoils a campaign; returns the gauge that an error should name, if it should name one.
 type Spoil<const N: usize> = fn(&mut Bench<N>, &mut ChaCha8Rng) -> Option<usize>;
@@ -24,7 +25,7 @@ enum Verdict {
     Doubted(Vec<String>),
     /// Springs are not seen, which is exit code 3 too.
     Unseen,
-    /// Exit code 0, and the largest deviation of a spring, in true values.
+    /// Exit code 0, and the largest deviation of a spring beyond three of its standard deviations, in true values.
     Written(f64),
 }
 
@@ -37,7 +38,10 @@ fn verdict<const N: usize>(bench: &Bench<N>, truth: &[f64]) -> Verdict {
     let all = found.doubts(&answer);
     let is_of_springs = |doubt: &String| doubt.contains("not observable") || doubt.contains("does not measure it");
     let (unseen, doubts): (Vec<String>, Vec<String>) = all.into_iter().partition(is_of_springs);
-    let off = |(index, truth): (usize, &f64)| (answer.parameters[index].value / truth - 1.0).abs();
+    let off = |(index, truth): (usize, &f64)| {
+        let Parameter { value, sd, .. } = answer.parameters[index];
+        if (value - truth).abs() > 3.0 * sd { (value / truth - 1.0).abs() } else { 0.0 }
+    };
     match (doubts.is_empty(), unseen.is_empty()) {
         (false, _) => Verdict::Doubted(doubts),
         (true, false) => Verdict::Unseen,
@@ -54,7 +58,7 @@ fn good<const N: usize>(mut bench: Bench<N>, seed: u64) -> (Bench<N>, Vec<f64>) 
 }
 
 fn gauge_name<const N: usize>(bench: &Bench<N>, gauge: usize) -> String {
-    format!("{}_um", bench.campaign.gauges[gauge].name)
+    bench.campaign.gauges[gauge].name.to_string()
 }
 
 fn scaled<const N: usize>(bench: &mut Bench<N>, columns: &[usize], factor: f64) -> Option<usize> {
@@ -81,6 +85,17 @@ fn stuck<const N: usize>(bench: &mut Bench<N>, random: &mut ChaCha8Rng, resoluti
             window.readings_m[gauge] = stuck;
         }
         window.readings_m.iter_mut().for_each(|reading| *reading = reading.map(round));
+    }
+    Some(gauge)
+}
+
+/// A gauge that shows a third of its noise, and nothing else, from a row on.
+fn still<const N: usize>(bench: &mut Bench<N>, random: &mut ChaCha8Rng, from: usize) -> Option<usize> {
+    let gauge = random.random_range(0..bench.campaign.gauges.len());
+    let noise_m = 0.3e-6 * bench.campaign.noise.gauge_um;
+    let stuck = bench.campaign.windows[from].readings_m[gauge];
+    for window in bench.campaign.windows.iter_mut().skip(from) {
+        window.readings_m[gauge] = stuck.map(|reading| reading + noise_m * normal(random));
     }
     Some(gauge)
 }
@@ -137,7 +152,7 @@ fn copied<const N: usize>(bench: &mut Bench<N>, random: &mut ChaCha8Rng) -> Opti
     None
 }
 
-const fn mistakes<const N: usize>() -> [Mistake<N>; 29] {
+const fn mistakes<const N: usize>() -> [Mistake<N>; 31] {
     [
         Mistake("load negated", "force_x_n, force_y_n", |bench, _| scaled(bench, &ALL, -1.0)),
         Mistake("forces negated", "force_x_n, force_y_n", |bench, _| scaled(bench, &ALL[..3], -1.0)),
@@ -176,7 +191,13 @@ const fn mistakes<const N: usize>() -> [Mistake<N>; 29] {
         Mistake("readings a row late", "", |bench, _| late(bench)),
         Mistake("a gauge stuck", "stands still", |bench, random| stuck(bench, random, 0.0)),
         Mistake("a gauge stuck, 0.1 um", "measure them again", |bench, random| stuck(bench, random, 1e-7)),
-        Mistake("a gauge stuck, 0.5 um", "show one number", |bench, random| stuck(bench, random, 5e-7)),
+        Mistake("a gauge stuck, 0.5 um", "", |bench, random| stuck(bench, random, 5e-7)),
+        Mistake("a gauge without contact", "", |bench, random| still(bench, random, 0)),
+        Mistake("a gauge that comes loose", "", |bench, random| {
+            let rows = bench.campaign.windows.len();
+            let from = random.random_range(rows / 5..rows * 4 / 5);
+            still(bench, random, from)
+        }),
         Mistake("a gauge cut", "end of the instrument's range", cut_gauge),
         Mistake("a moment cut", "end of the instrument's range", |bench, random| {
             cut_load(bench, random.random_range(3..5))
@@ -300,5 +321,22 @@ fn a_gauge_that_has_nothing_to_show_is_not_stuck() {
         bench.measure(&truth, &mut random, 0.0, never);
         let verdict = verdict(&bench, truth.vector().as_slice());
         assert!(!matches!(verdict, Verdict::Refused(_)), "{verdict:?}");
+    }
+}
+
+/// A play that opens at less than half of the expected preload is doubted; one where it is expected is not.
+#[test]
+fn a_play_needs_forces_beyond_half_of_the_expected_preload() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    for (opens_at_n, is_doubted) in [(OPENS_AT_N, false), (0.3 * OPENS_AT_N, true)] {
+        let mut bench = on_home(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|along| strap(along, 480.0, 12)));
+        let mut random = seeded(5);
+        let truth = bench.true_springs(&mut random);
+        bench.measure(&truth, &mut random, GAP_M, |cluster_3_n, _| f64::from(u8::from(cluster_3_n < opens_at_n)));
+        let found = examined(&bench.question(), &options()).unwrap();
+        assert!(found.play.is_some(), "opens at {opens_at_n} N");
+        let doubt = found.unexpected_play(&robot);
+        assert_eq!(doubt.is_some(), is_doubted, "{doubt:?}");
+        assert!(doubt.is_none_or(|doubt| doubt.starts_with("a play is found that opens at a preload of ")));
     }
 }

@@ -2,6 +2,11 @@
 
 use nalgebra::DMatrix;
 
+use crate::elastic::ElasticMachine;
+use crate::elastic::backlash::Backlash;
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+
 use super::answer::Answer;
 use super::regimes::TwoRegimes;
 use super::{Found, names};
@@ -13,6 +18,7 @@ use crate::measurements::plan::before_remount;
 use crate::measurements::springs::{Campaign, SeriesEntry};
 use crate::springs::agreement::{Agreement, deviations};
 use crate::springs::decision::unobservable;
+use crate::springs::preload::Preload;
 
 /// Largest share of readings that may be left out.
 pub(super) const MOST_OUTLIERS: f64 = 0.1;
@@ -110,7 +116,16 @@ impl<const N: usize> Found<'_, N> {
             });
             doubts.extend(too_large.or_else(|| goodness::too_small(answer.chi2, answer.dof)));
         }
-        doubts.extend(self.common_factor(answer));
+        // A model that is wrong as a whole is named above.
+        if doubts.is_empty() {
+            doubts.extend(self.uneven());
+            doubts.extend(self.quiet());
+        }
+        doubts.extend(self.mostly_left_out());
+        match self.common_factor(answer) {
+            Some(common) => doubts.push(common),
+            None => doubts.extend(self.far_off()),
+        }
         // Of scaled noise chi-squared says nothing; repeats do.
         if let Some(repeats) = self.repeats.as_ref().filter(|repeats| self.intervals.is_scaled && repeats.p() < LEAST_P)
         {
@@ -133,6 +148,23 @@ impl<const N: usize> Found<'_, N> {
             doubts.push(format!("{} of {readings} readings do not agree with the others", answer.outliers.len()));
         }
         doubts
+    }
+
+    /// A play that opens at a far smaller force than the robot file expects.
+    pub(super) fn unexpected_play<K: MachineKind<N>>(&self, robot: &RobotFile<K, N>) -> Option<String> {
+        let play = self.play.as_ref()?;
+        let machine = ElasticMachine::new(*self.question.geometry, self.question.file.machine, Backlash::NONE);
+        let expected = Preload::of(robot, &machine)?;
+        let found: Vec<[f64; 2]> = play.preload_n.into_iter().flatten().collect();
+        let all = || found.iter().flatten();
+        let (least_n, most_n) =
+            all().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), end| (least.min(*end), most.max(*end)));
+        (!found.iter().any(|interval| expected.may_be(*interval))).then(|| {
+            format!(
+                "a play is found that opens at a preload of {least_n:.0} to {most_n:.0} N, where {:.0} N is expected by the robot file: a force or moment that is cut looks like it; look at the windows of the largest forces",
+                expected.force_n()
+            )
+        })
     }
 
     /// Names of the three series and gauges with the largest residuals.

@@ -4,9 +4,12 @@
 //! A column is accused only if it carries a signal, the campaign as it is is rejected, the mended one is not, and it explains the readings far
 //! better. Noise with the other sign is noise.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use std::iter;
+
+use nalgebra::Matrix6;
 
 use crate::measurements::FileError;
+use crate::measurements::mistaken_columns::{ALL, MistakenColumns, SWAPPED};
 use crate::measurements::springs::{Campaign, LOAD, Window};
 use crate::springs::choice::Choice;
 use crate::springs::decision::check_positive;
@@ -25,6 +28,8 @@ const LEAST_GAIN: f64 = 50.0;
 const LEAST_FACTOR: f64 = 1.2;
 /// Sum of the squares of a column's changes, in variances of its noise, above which it carries a signal.
 const SIGNAL: f64 = 100.0;
+/// Smallest share that it has of the largest such sum of a column of its kind, in N^2 or (N m)^2.
+const LEAST_OF_LARGEST: f64 = 0.01;
 /// Chi-squared per degree of freedom of a plain fit that is grossly wrong, and smallest factor by which a mended column makes it smaller.
 const GROSS: f64 = 10.0;
 const GROSS_FACTOR: f64 = 5.0;
@@ -33,13 +38,6 @@ const GROSS_FACTOR: f64 = 5.0;
 const MOST_PROMISING: usize = 10;
 const STEPS: u32 = 4;
 const MOST_TRIED: usize = 3;
-/// Newtons of a kilogram's weight.
-const NEWTONS_PER_KG: f64 = 9.806_65;
-/// Forces, moments and all of the wrench.
-const FORCES: [usize; 3] = [0, 1, 2];
-const MOMENTS: [usize; 3] = [3, 4, 5];
-const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
-const SWAPPED: &str = "these two columns are swapped";
 
 /// Change of columns of a table.
 enum Change {
@@ -64,21 +62,8 @@ struct Mistake {
 impl Mistake {
     /// All of them, the simplest first.
     fn all(gauges: usize) -> impl Iterator<Item = Self> {
-        let of = |columns: &[usize], factor: f64, reason: &str| {
-            let factors = Vector6::from_fn(|column, _| if columns.contains(&column) { factor } else { 1.0 });
-            let mended = Matrix6::from_diagonal(&factors);
-            Self { change: Change::Load { columns: columns.to_vec(), mended }, reason: reason.to_owned() }
-        };
-        let reversed = "the wrench has the wrong sign: it is the load on the platform, not what the platform pulls with; negate these columns";
-        let groups = [
-            of(&ALL, -1.0, reversed),
-            of(&FORCES, -1.0, "the forces have the wrong sign; negate these columns"),
-            of(&MOMENTS, -1.0, "the moments have the wrong sign; negate these columns"),
-            of(&FORCES, NEWTONS_PER_KG, "the forces are in kg; write newtons: 9.80665 times as much"),
-            of(&FORCES, 1e3, "the forces are in kN; write newtons"),
-            of(&MOMENTS, 1e-3, "the moments are in N mm; write N m"),
-        ];
-        let single = ALL.map(|column| of(&[column], -1.0, "this column has the wrong sign; negate it"));
+        let load =
+            |MistakenColumns { columns, mended, reason }| Self { change: Change::Load { columns, mended }, reason };
         let gauge = |gauge: usize| Self {
             change: Change::Gauge { gauge, factor: -1.0 },
             reason: "the readings fall where by the others they should rise; the gauge's axis is reversed, or its sign"
@@ -87,24 +72,9 @@ impl Mistake {
         let pairs = (0..gauges).flat_map(move |one| (one + 1..gauges).map(move |other| (one, other)));
         let pairs =
             pairs.map(move |(one, other)| Self { change: Change::SwapGauges(one, other), reason: SWAPPED.to_owned() });
-        groups.into_iter().chain(single).chain((0..gauges).map(gauge)).chain(orders()).chain(pairs)
-    }
-
-    /// The columns of the wrench in another order, or along other axes.
-    fn ordered(forces: &Matrix3<f64>, moments: &Matrix3<f64>) -> Self {
-        let mut mended = Matrix6::zeros();
-        mended.fixed_view_mut::<3, 3>(0, 0).copy_from(forces);
-        mended.fixed_view_mut::<3, 3>(3, 3).copy_from(moments);
-        let touched = |column: &usize| mended[(*column, *column)] < 1.0;
-        let columns: Vec<usize> = ALL.into_iter().filter(touched).collect();
-        let swapped = columns.len() == 2 && mended.iter().all(|entry| *entry >= 0.0);
-        let reason = if swapped {
-            SWAPPED.to_owned()
-        } else {
-            let written: Vec<String> = columns.iter().map(|column| signed(&mended.row(*column).transpose())).collect();
-            format!("the wrench is along other axes than the world's; write {} in their place", written.join(", "))
-        };
-        Self { change: Change::Load { columns, mended }, reason }
+        let reversed = "the wrench has the wrong sign: it is the load on the platform, not what the platform pulls with; negate these columns";
+        let wrench = iter::once(MistakenColumns::scaled(&ALL, -1.0, reversed)).chain(MistakenColumns::all());
+        wrench.map(load).chain((0..gauges).map(gauge)).chain(pairs)
     }
 
     fn taken_back<const N: usize>(&self, campaign: &Campaign<N>) -> Campaign<N> {
@@ -132,12 +102,12 @@ impl Mistake {
         }
     }
 
-    /// What a fit costs without the mistake, if it explains the readings.
-    fn explains<const N: usize>(&self, question: &Question<'_, N>, options: &IdentifyOptions) -> Option<f64> {
+    /// What a fit costs without the mistake, if it explains the readings, and true if nothing is left to doubt.
+    fn explains<const N: usize>(&self, question: &Question<'_, N>, options: &IdentifyOptions) -> Option<(f64, bool)> {
         let plain = IdentifyOptions { has_two_regimes: false, has_hysteresis: false, ..options.clone() };
         let campaign = self.taken_back(question.campaign);
         let found = find(question.on(&campaign), &plain).ok().filter(is_explained)?;
-        Some(found.agreement.cost())
+        Some((found.agreement.cost(), !is_doubtful(&found)))
     }
 
     fn error<const N: usize>(&self, campaign: &Campaign<N>) -> Option<FileError> {
@@ -153,43 +123,19 @@ impl Mistake {
     }
 }
 
-/// Orders of the columns of forces, of moments, and axes of the whole wrench, other than the right ones.
-fn orders() -> impl Iterator<Item = Mistake> {
-    let all = signed_permutations();
-    let is_other = |matrix: &Matrix3<f64>| *matrix != Matrix3::identity();
-    let plain: Vec<_> = all.iter().filter(|matrix| is_other(matrix) && matrix.min() >= 0.0).copied().collect();
-    let turned: Vec<_> = all.into_iter().filter(|matrix| is_other(matrix) && matrix.determinant() > 0.0).collect();
-    let swapped = plain.clone().into_iter().filter(|matrix| matrix.determinant() < 0.0);
-    let one = plain.clone().into_iter().map(|matrix| Mistake::ordered(&matrix, &Matrix3::identity()));
-    let other = plain.into_iter().map(|matrix| Mistake::ordered(&Matrix3::identity(), &matrix));
-    one.chain(other).chain(swapped.chain(turned).map(|matrix| Mistake::ordered(&matrix, &matrix)))
-}
-
-/// The 48 matrices that put three axes in another order, and reverse some.
-fn signed_permutations() -> Vec<Matrix3<f64>> {
-    let order = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
-    let signs = (0..8_u8).map(|bits| Vector3::from_fn(|axis, _| if bits >> axis & 1 == 1 { -1.0 } else { 1.0 }));
-    signs
-        .flat_map(|signs| {
-            order.map(|order| Matrix3::from_fn(|row, column| if order[row] == column { signs[row] } else { 0.0 }))
-        })
-        .collect()
-}
-
-/// The one column that a row of a signed permutation takes, with its sign.
-fn signed(row: &Vector6<f64>) -> String {
-    let column = row.iamax();
-    format!("{}{}", if row[column] < 0.0 { "-" } else { "" }, LOAD[column])
-}
-
-/// True if any of these columns of the load changes by more than its noise.
+/// True if any of these columns of the load changes by more than its noise, and by more than a small share of the others of its kind: a zero that
+/// drifts is no load.
 fn any_load_has_signal<const N: usize>(question: &Question<'_, N>, columns: &[usize]) -> bool {
     let sds = question.load_variances().map(f64::sqrt);
     let measured: Vec<_> = question.campaign.windows.iter().map(|window| window.load).collect();
     let smooth = smooth_loads(question.campaign, &measured);
-    let of_column =
-        |column: &usize| changes(question.campaign, |window| Some(smooth[window][*column] / sds[*column])).0;
-    columns.iter().map(of_column).fold(0.0, f64::max) > SIGNAL
+    let of_column = |column: usize| changes(question.campaign, |window| Some(smooth[window][column] / sds[column])).0;
+    let all = ALL.map(of_column);
+    let largest = |column: usize| {
+        let kind = if column < 3 { 0..3 } else { 3..6 };
+        kind.map(|other| all[other] * (sds[other] / sds[column]).powi(2)).fold(0.0, f64::max)
+    };
+    columns.iter().any(|column| all[*column] > SIGNAL && all[*column] > LEAST_OF_LARGEST * largest(*column))
 }
 
 /// True if the readings of a gauge change by more than their noise.
@@ -241,15 +187,15 @@ pub(super) fn checked<'a, const N: usize>(
     options: &IdentifyOptions,
 ) -> Result<Found<'a, N>, IdentifyError> {
     let cost = match &found {
-        Ok(found) if !is_rejected(found) => None,
+        Ok(found) if !is_doubtful(found) => None,
         Ok(found) => Some(found.agreement.cost()),
         Err(IdentifyError::Fit { .. } | IdentifyError::Unseen { .. }) => Some(f64::INFINITY),
         Err(_) => None,
     };
     let Some(cost) = cost else { return found };
     let mended = |mistake: &Mistake| {
-        let of_mended = mistake.explains(question, options)?;
-        (cost - of_mended > LEAST_GAIN && cost > LEAST_FACTOR * of_mended).then_some(of_mended)
+        let (of_mended, is_clean) = mistake.explains(question, options)?;
+        (cost - of_mended > LEAST_GAIN && (is_clean || cost > LEAST_FACTOR * of_mended)).then_some(of_mended)
     };
     // A fit that fails costs all, though its springs, negative ones, leave little.
     let of_plain = after_steps(question).filter(|_| cost.is_finite());
@@ -309,6 +255,11 @@ fn after_one_step<const N: usize>(question: &Question<'_, N>) -> Option<f64> {
 /// The fit of all readings after some steps from the robot file's springs.
 fn after_steps<const N: usize>(question: &Question<'_, N>) -> Option<Solved<N>> {
     rounds(question, &Choice::all(question.campaign), State::start(question), STEPS).ok()
+}
+
+/// True if the readings contradict what was found, all of them or those of a gauge, or if its springs are not the robot file's by far.
+fn is_doubtful<const N: usize>(found: &Found<'_, N>) -> bool {
+    is_rejected(found) || !found.not_positive.is_empty() || !found.uneven().is_empty() || !found.far_off().is_empty()
 }
 
 /// True if the readings contradict what was found.

@@ -5,6 +5,7 @@ mod accused;
 pub mod answer;
 mod common_factor;
 mod doubts;
+mod far_off;
 mod hysteresis;
 mod intervals;
 mod levels;
@@ -15,6 +16,7 @@ mod profile;
 mod regimes;
 mod repeats;
 mod report;
+mod response;
 mod robot_text;
 #[cfg(test)]
 mod weak;
@@ -188,7 +190,8 @@ pub fn identify<K: MachineKind<N>, const N: usize>(
     let question = robot.identified.iter().fold(question, |question, identified| question.known(identified));
     let found = examined(&question, options)?;
     let answer = found.answer(K::MODEL);
-    let doubts = found.doubts(&answer);
+    let mut doubts = found.doubts(&answer);
+    doubts.extend(found.unexpected_play(robot));
     let mut warnings = found.warnings(&answer);
     warnings.extend(missed);
     let robot_file = found.robot_file(robot, options, &answer, &mut warnings)?;

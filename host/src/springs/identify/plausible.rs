@@ -17,11 +17,16 @@ const TURNED_RAD: f64 = 0.1;
 const LEAST_LOAD_SD: f64 = 5.0;
 /// Largest factor between the changes of a gauge's readings and those that the robot file predicts. A wrong unit is a factor of a thousand.
 const MOST_FACTOR: f64 = 200.0;
+/// Share of the changes that the robot file predicts below which a gauge shows nothing, and standard deviations by which it must be below.
+const LEAST_SHARE: f64 = 0.25;
+const SURE_SD: f64 = 3.0;
 /// Equal readings that are looked at, and the sum of squares of the changes that they hide at least, in variances of the noise.
 const MANY: usize = 3;
 const HIDDEN: f64 = 30.0;
 /// Share of each compliance by which the robot file's may be wrong.
 const WRONG: f64 = 0.5;
+/// Smallest share of the squares of the predicted changes that is left then; of one spring it is a quarter.
+const LEAST_SURE: f64 = 0.1;
 
 /// Checks poses, loads and gauges of a campaign.
 ///
@@ -107,10 +112,14 @@ pub(super) fn gauges<const N: usize>(question: &Question<'_, N>, lines: &[Lines]
         let predicted: Vec<f64> = pairs.iter().map(|(_, [_, predicted])| *predicted).collect();
         let size = |changes: &[f64]| median(changes.iter().map(|change| change.abs()).collect());
         let norm = |changes: &[f64]| changes.iter().map(|change| change * change).sum::<f64>().sqrt();
-        let is_shown = norm(&predicted) > 30.0 * noise;
-        if is_shown && norm(&measured) * MOST_FACTOR < norm(&predicted) {
-            let reason =
-                "the readings hardly change under loads that move it; the column is in um, and the gauge must touch";
+        let is_nothing = norm(&predicted) > HIDDEN * noise && norm(&measured) * MOST_FACTOR < norm(&predicted);
+        let [share, sd] = shown(campaign, &pairs, noise);
+        let is_little = share.abs() + SURE_SD * sd < LEAST_SHARE && is_sure(question, lines, gauge);
+        if is_nothing || is_little {
+            let reason = format!(
+                "the readings change by {:.1} % of what the robot file's springs let expect; the column is in um, and the gauge must touch (a part that is this stiff: write so in the robot file first)",
+                share * 100.0
+            );
             return Err(campaign.error(window, &column, reason));
         }
         if size(&measured) > MOST_FACTOR * (size(&predicted) + noise) {
@@ -125,6 +134,59 @@ pub(super) fn gauges<const N: usize>(question: &Question<'_, N>, lines: &[Lines]
     Ok(())
 }
 
+/// Parts that the springs of the robot file have of the readings of a gauge, by window.
+fn parts<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: usize) -> Vec<(usize, DVector<f64>)> {
+    let file = question.file.vector();
+    let of_window = |lines: &Lines| {
+        let row = lines.gauges.iter().position(|other| *other == gauge)?;
+        Some((lines.window, lines.springs_shown.row(row).transpose().component_mul(&file)))
+    };
+    lines.iter().filter_map(of_window).collect()
+}
+
+/// Changes from their mean of the readings of one series, by their parts: predicted, and the least if each spring may be wrong by [`WRONG`].
+fn predicted(parts: &[&DVector<f64>]) -> Vec<[f64; 2]> {
+    let Some(first) = parts.first() else { return Vec::new() };
+    let sum = parts.iter().fold(DVector::zeros(first.len()), |sum, parts| sum + *parts);
+    let mean = sum / float(parts.len());
+    let of_window = |parts: &&DVector<f64>| {
+        let change = *parts - &mean;
+        let predicted = change.sum().abs();
+        [predicted, (predicted - WRONG * change.lp_norm(1)).max(0.0)]
+    };
+    parts.iter().map(of_window).collect()
+}
+
+/// True if the changes that are predicted of a gauge do not hang on how far its springs are wrong.
+fn is_sure<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: usize) -> bool {
+    let parts = parts(question, lines, gauge);
+    let (mut all, mut sure) = (0.0, 0.0);
+    for series in 0..question.campaign.series.len() {
+        let is_here = |(window, _): &&(usize, DVector<f64>)| question.campaign.windows[*window].series == series;
+        let here: Vec<&DVector<f64>> = parts.iter().filter(is_here).map(|(_, parts)| parts).collect();
+        for [predicted, least] in predicted(&here) {
+            all += predicted * predicted;
+            sure += least * least;
+        }
+    }
+    sure > LEAST_SURE * all
+}
+
+/// Share of the changes that the robot file predicts which the readings of a gauge show, and its standard deviation.
+fn shown<const N: usize>(campaign: &Campaign<N>, pairs: &[(usize, [f64; 2])], noise_m: f64) -> [f64; 2] {
+    let (mut product, mut squares) = (0.0, 0.0);
+    for series in 0..campaign.series.len() {
+        let here = pairs.iter().filter(|(window, _)| campaign.windows[*window].series == series);
+        let count = float(here.clone().count().max(1));
+        let mean = here.clone().map(|(_, [_, predicted])| predicted).sum::<f64>() / count;
+        for (_, [measured, predicted]) in here {
+            product += measured * (predicted - mean);
+            squares += (predicted - mean).powi(2);
+        }
+    }
+    [product / squares, noise_m / squares.sqrt()]
+}
+
 /// Windows in which a gauge shows one number although its reading should change.
 struct Still {
     windows: Vec<usize>,
@@ -135,16 +197,11 @@ struct Still {
 /// Looks for equal readings that should differ: of a column that is too coarse to tell by itself.
 fn still<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: usize) -> Option<Still> {
     let campaign = question.campaign;
-    let file = question.file.vector();
     // Window, reading, and what each spring of the robot file has of it.
-    let mut readings: Vec<(usize, f64, DVector<f64>)> = lines
-        .iter()
-        .filter_map(|lines| {
-            let row = lines.gauges.iter().position(|other| *other == gauge)?;
-            let parts = lines.springs.row(row).transpose().component_mul(&file);
-            Some((lines.window, campaign.windows[lines.window].readings_m[gauge]?, parts))
-        })
-        .collect();
+    let with_reading =
+        |(window, parts): (usize, DVector<f64>)| Some((window, campaign.windows[window].readings_m[gauge]?, parts));
+    let mut readings: Vec<(usize, f64, DVector<f64>)> =
+        parts(question, lines, gauge).into_iter().filter_map(with_reading).collect();
     let step_m = resolution(readings.iter().map(|(_, reading, _)| *reading));
     let variance = (campaign.noise.gauge_um * 1e-6).powi(2) + step_m.powi(2) / 12.0;
     readings.sort_by(|one, other| one.1.total_cmp(&other.1));
@@ -152,14 +209,9 @@ fn still<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: usi
         let (mut squares, mut predicted_m) = (0.0, 0.0_f64);
         for series in 0..campaign.series.len() {
             let here = equal.iter().filter(|(window, ..)| campaign.windows[*window].series == series);
-            let parts: Vec<&DVector<f64>> = here.map(|(.., parts)| parts).collect();
-            let mean =
-                parts.iter().fold(DVector::zeros(file.len()), |sum, parts| sum + *parts) / float(parts.len().max(1));
-            for parts in parts {
-                let change = parts - &mean;
-                let least = change.sum().abs() - WRONG * change.lp_norm(1);
-                squares += least.max(0.0).powi(2);
-                predicted_m = predicted_m.max(change.sum().abs());
+            for [change, least] in predicted(&here.map(|(.., parts)| parts).collect::<Vec<_>>()) {
+                squares += least.powi(2);
+                predicted_m = predicted_m.max(change);
             }
         }
         (squares > HIDDEN * variance).then(|| {

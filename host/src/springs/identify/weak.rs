@@ -12,9 +12,9 @@ use crate::springs::campaigns::{Bench, FINE, HOME, HOOKS, Strap, seeded};
 use crate::springs::gauge::{Body, Gauge};
 
 /// Sum of the tensions of cluster 3 at which the simulated play opens at home: that of 360 N in x.
-const OPENS_AT_N: f64 = -169.0;
+pub(super) const OPENS_AT_N: f64 = -169.0;
 /// Elongation of the links of cluster 3 beyond it, m.
-const GAP_M: f64 = -40e-6;
+pub(super) const GAP_M: f64 = -40e-6;
 
 /// A kind of weak campaign.
 pub(super) struct Kind {

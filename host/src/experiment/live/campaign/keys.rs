@@ -4,7 +4,7 @@ use super::{Campaign, Stage};
 use crate::experiment::ExperimentError;
 
 /// Largest reading, um.
-const MOST_UM: f64 = 2e4;
+const MOST_UM: f64 = 1e5;
 
 impl<const N: usize> Campaign<N> {
     /// Takes a line that was typed.

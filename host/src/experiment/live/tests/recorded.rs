@@ -30,33 +30,43 @@ fn plan_text() -> String {
     head.to_owned() + &gauges.concat() + &lines.collect::<String>()
 }
 
-#[test]
-fn a_recording_is_told_apart_by_the_plan() {
-    let folder = Folder::new("recorded");
-    let (robot, plan) = (robot(), plan_in(&folder, &plan_text()));
-    let path = folder.path("record.csv");
-    let to = path.to_str().unwrap().parse().unwrap();
-    let file = Arc::new(Mutex::new(Some(Recording::<3>::create::<Row<3>, _>(&to, &robot).unwrap())));
+/// Records a campaign to `record.csv`; returns the number of rows that the recorder was too slow for.
+fn record(folder: &Folder, robot: &RobotFile<L2, 3>, plan: &Plan<3>) -> u64 {
+    let to = folder.path("record.csv").to_str().unwrap().parse().unwrap();
+    let file = Arc::new(Mutex::new(Some(Recording::<3>::create::<Row<3>, _>(&to, robot).unwrap())));
     let shared = Arc::clone(&file);
     let ticks = Arc::new(AtomicU64::new(0));
     let counted = Arc::clone(&ticks);
-    let bench = Bench::watched(&robot, &plan, move |row| {
+    let bench = Bench::watched(robot, plan, move |row| {
         counted.fetch_add(1, Ordering::Relaxed);
         if let Some(file) = shared.lock().unwrap().as_mut() {
             file.write(row, &[]);
         }
     });
-    let options = bench.options(&robot, &plan, &folder.path("springs.csv"));
+    let options = bench.options(robot, plan, &folder.path("springs.csv"));
     assert_eq!(run_until(&options, usize::MAX), LiveReport { taken: 10, missing: 0 });
     // The last level is calm in the recording a little later than in the campaign, which is over.
     let end = ticks.load(Ordering::Relaxed) + MORE_TICKS;
     while ticks.load(Ordering::Relaxed) < end {
         std::thread::yield_now();
     }
+    let dropped = bench.server.controls.dropped_rows.load(Ordering::Relaxed);
     bench.server.quit().unwrap();
     let recorded = file.lock().unwrap().take().unwrap().finish(0);
     assert_eq!((recorded.lost, recorded.failure), (0, None));
+    dropped
+}
 
+#[test]
+fn a_recording_is_told_apart_by_the_plan() {
+    // A campaign in lock-step is over in seconds: a recorder that is not scheduled for long misses rows of it.
+    let tried = (0..5).find_map(|_| {
+        let folder = Folder::new("recorded");
+        let (robot, plan) = (robot(), plan_in(&folder, &plan_text()));
+        (record(&folder, &robot, &plan) == 0).then_some((folder, robot, plan))
+    });
+    let (folder, robot, plan) = tried.expect("a recorder that keeps up once in five campaigns");
+    let path = folder.path("record.csv");
     let prediction = Prediction::new(&robot).unwrap();
     let read = || raw::read(&path, &folder.path("plan.toml"), &robot, &prediction);
     let made = read().unwrap();

@@ -1,0 +1,188 @@
+//! Gauges that do not follow the loads alike in every series: stuck, come loose, or without contact for a while.
+//!
+//! Chi-squared of a whole campaign does not show one gauge of a stiff part, whose readings change by a few standard deviations. The share that its
+//! deviations have of what it should show, series by series, does: of a gauge that sticks from a series on, the fit takes a mean of both.
+
+use super::Found;
+use crate::fit::goodness::LEAST_P;
+use crate::fit::statistics::{chi_squared_above, float};
+use crate::measurements::repeated::resolution;
+use crate::measurements::springs::{Campaign, Window};
+use crate::output::Name;
+use crate::springs::agreement::deviations;
+use crate::springs::lines::{Lines, Question};
+
+/// Share of a gauge's readings that may be left out, and number.
+const MOST_LEFT_OUT: f64 = 0.25;
+const FEW: usize = 5;
+
+/// What the deviations of a gauge from the fit have of the changes that the robot file's springs predict, in a series or some.
+#[derive(Clone, Copy, Debug, Default)]
+struct Response {
+    /// Sum of the products of both, and of the squares of the predicted changes; in variances of the noise.
+    product: f64,
+    squares: f64,
+}
+
+impl Response {
+    /// Share of the predicted changes.
+    fn share(self) -> f64 {
+        self.product / self.squares
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self { product: self.product + other.product, squares: self.squares + other.squares }
+    }
+
+    /// Of this share, chi-squared.
+    fn chi2(self) -> f64 {
+        self.product * self.share()
+    }
+
+    /// Of the difference of two shares, chi-squared.
+    fn contrast(self, other: Self) -> f64 {
+        self.chi2() + other.chi2() - self.plus(other).chi2()
+    }
+}
+
+impl<const N: usize> Found<'_, N> {
+    /// Standard deviations of the readings, in stated ones.
+    fn scale(&self) -> f64 {
+        let solved = &self.agreement.solved;
+        let scaled = (solved.rows.chi_squared() / float(solved.degrees().max(1))).sqrt();
+        if self.intervals.is_scaled { scaled } else { 1.0 }
+    }
+
+    /// Gauges that contradict the others in all series, or in some of them, with what to do.
+    pub(super) fn uneven(&self) -> Vec<String> {
+        let scale = self.scale();
+        let campaign = self.question.campaign;
+        let deviations = deviations(&self.question, &self.agreement.choice, &self.agreement.solved);
+        let weights = &self.agreement.choice.weights;
+        let of_gauge = |(gauge, name): (usize, &Name)| {
+            let of_window = |lines: &Lines| {
+                let deviation = deviations[lines.window][gauge] / scale;
+                let is_used = weights[lines.window][gauge] > 0.0 && !deviation.is_nan();
+                let change = predicted(&self.question, lines, gauge)? / scale;
+                is_used.then_some((campaign.windows[lines.window].series, deviation, change))
+            };
+            let all: Vec<_> = self.agreement.solved.lines.iter().filter_map(of_window).collect();
+            let responses = (0..campaign.series.len()).filter_map(|series| Some((series, response(&all, series)?)));
+            said(campaign, name, &responses.collect::<Vec<_>>())
+        };
+        campaign.gauges.iter().map(|gauge| &gauge.name).enumerate().filter_map(of_gauge).collect()
+    }
+
+    /// Gauges whose readings change by less than their noise, in a series or from one on.
+    pub(super) fn quiet(&self) -> Vec<String> {
+        let campaign = self.question.campaign;
+        let noise_m = campaign.noise.gauge_um * 1e-6 * self.scale();
+        let of_gauge = |(gauge, name): (usize, &Name)| {
+            let readings = |series: usize| {
+                let windows = campaign.windows.iter().filter(move |window| window.series == series);
+                windows.filter_map(|window| window.readings_m[gauge]).collect::<Vec<f64>>()
+            };
+            let all: Vec<Vec<f64>> = (0..campaign.series.len()).map(readings).collect();
+            let is_fine = resolution(all.iter().flatten().copied()) < noise_m;
+            let scatters: Vec<(f64, usize)> = all.iter().map(|readings| scatter(readings, noise_m)).collect();
+            let sum = |some: &[(f64, usize)]| {
+                some.iter().fold((0.0, 0), |(chi2, degrees), one| (chi2 + one.0, degrees + one.1))
+            };
+            let runs =
+                (0..scatters.len()).flat_map(|first| [(first, &scatters[first..=first]), (first, &scatters[first..])]);
+            let tests = float(2 * scatters.len() * campaign.gauges.len());
+            let p_of = |(chi2, degrees): (f64, usize)| (1.0 - chi_squared_above(chi2, degrees)) * tests;
+            let quiet =
+                runs.filter(|_| is_fine).map(|(first, run)| (first, sum(run))).filter(|(_, (_, degrees))| *degrees > 0);
+            let (first, run) = quiet.min_by(|(_, one), (_, other)| p_of(*one).total_cmp(&p_of(*other)))?;
+            (p_of(run) < LEAST_P).then(|| {
+                format!(
+                    "gauge {name} scatters by {:.2} um from series {} on, where its noise alone would make {:.2} um: it is stuck, or the stated noise is too large",
+                    noise_m * 1e6 * (run.0 / float(run.1)).sqrt(),
+                    campaign.series[first],
+                    noise_m * 1e6
+                )
+            })
+        };
+        campaign.gauges.iter().map(|gauge| &gauge.name).enumerate().filter_map(of_gauge).collect()
+    }
+
+    /// Gauges many of whose readings are left out.
+    pub(super) fn mostly_left_out(&self) -> impl Iterator<Item = String> {
+        let campaign = self.question.campaign;
+        campaign.gauges.iter().enumerate().filter_map(move |(gauge, named)| {
+            let is_read = |window: &&Window<N>| window.readings_m[gauge].is_some();
+            let read = campaign.windows.iter().filter(is_read).count();
+            let refused = self.agreement.refused.iter().filter(move |(_, other)| *other == gauge);
+            let first = refused.clone().map(|(window, _)| *window).min()?;
+            let count = refused.count();
+            (count >= FEW && float(count) > MOST_LEFT_OUT * float(read)).then(|| {
+                let series = &campaign.series[campaign.windows[first].series];
+                format!(
+                    "{count} of {read} readings of gauge {} do not agree with the others, the first in series {series}: it may stick, have come loose, or lag behind the force (--hysteresis); measure it again, or leave them empty",
+                    named.name
+                )
+            })
+        })
+    }
+}
+
+/// Change of a gauge's reading by the robot file's springs, in standard deviations of its noise.
+fn predicted<const N: usize>(question: &Question<'_, N>, lines: &Lines, gauge: usize) -> Option<f64> {
+    let row = lines.gauges.iter().position(|other| *other == gauge)?;
+    let changed_m = (lines.springs_shown.row(row) * question.file.vector())[0];
+    Some(changed_m / lines.variances[row].sqrt())
+}
+
+/// Response of a gauge in a series; `None` where nothing changes. `all`: series, deviation and predicted reading.
+fn response(all: &[(usize, f64, f64)], series: usize) -> Option<Response> {
+    let here: Vec<_> = all.iter().filter(|(other, ..)| *other == series).collect();
+    let mean = here.iter().map(|(.., predicted)| predicted).sum::<f64>() / float(here.len().max(1));
+    let of_window = |(_, deviation, predicted): &&(usize, f64, f64)| Response {
+        product: deviation * (predicted - mean),
+        squares: (predicted - mean).powi(2),
+    };
+    let sum = here.iter().map(of_window).fold(Response::default(), Response::plus);
+    (sum.squares > 1.0).then_some(sum)
+}
+
+/// Sum of the squares of deviations from their mean, in variances of the noise, and degrees of freedom.
+fn scatter(readings: &[f64], noise_m: f64) -> (f64, usize) {
+    let mean = readings.iter().sum::<f64>() / float(readings.len().max(1));
+    let squares = readings.iter().map(|reading| ((reading - mean) / noise_m).powi(2)).sum();
+    (squares, readings.len().saturating_sub(1))
+}
+
+/// Sentence for a gauge whose responses, series by series, are not those of the other gauges.
+fn said<const N: usize>(campaign: &Campaign<N>, name: &Name, responses: &[(usize, Response)]) -> Option<String> {
+    let sum = |some: &[(usize, Response)]| some.iter().map(|(_, one)| *one).fold(Response::default(), Response::plus);
+    let all = sum(responses);
+    let tests = float(campaign.gauges.len() * (responses.len() + 1));
+    let p = |chi2: f64, degrees: usize| chi_squared_above(chi2, degrees) * tests;
+    let splits = (1..responses.len()).map(|split| {
+        let (before, from) = responses.split_at(split);
+        (sum(before).contrast(sum(from)), from[0].0)
+    });
+    let (contrast, from) = splits.max_by(|(one, _), (other, _)| one.total_cmp(other)).unwrap_or_default();
+    let each = responses.iter().map(|(_, one)| one.chi2()).sum::<f64>() - all.chi2();
+    let worst = responses.iter().max_by(|(_, one), (_, other)| one.chi2().total_cmp(&other.chi2()))?;
+    let [overall, split, apart] = [p(all.chi2(), 1), p(contrast, 1), p(each, responses.len().max(2) - 1)];
+    let least = overall.min(split).min(apart);
+    let what = match least {
+        _ if least >= LEAST_P => return None,
+        _ if least >= overall => format!(
+            "shows {:.0} % of what the robot file's springs let expect {} than the other gauges show; look at its sign, unit and contact",
+            all.share().abs() * 100.0,
+            if all.share() < 0.0 { "less" } else { "more" }
+        ),
+        _ if least >= split => format!(
+            "responds to loads otherwise from series {} on: it may stick, or have come loose; measure it again, or leave its readings empty",
+            campaign.series[from]
+        ),
+        _ => format!(
+            "does not respond to the loads of every series alike, least of all in {}; measure it again, or leave its readings empty",
+            campaign.series[worst.0]
+        ),
+    };
+    Some(format!("gauge {name} {what} (p = {least:.1e})"))
+}

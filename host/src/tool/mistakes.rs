@@ -1,0 +1,95 @@
+//! Readings that no tool explains: columns that are not what they say, or one reading that is not like the others.
+
+use gantry_tau_core::model::sensor::Tool;
+use gantry_tau_core::model::statics::Wrench;
+use nalgebra::{Matrix6, Vector6};
+
+use super::fit::{FittedTool, Mounting, Turned, fit_tool};
+use super::pulls_upwards;
+use crate::fit::goodness::too_large;
+use crate::measurements::FileError;
+use crate::measurements::mistaken_columns::MistakenColumns;
+use crate::measurements::springs::LOAD;
+use crate::measurements::tool::ToolReadings;
+
+/// Chi-squared by which one explanation must be better than a simpler one.
+const LEAST_GAIN: f64 = 20.0;
+/// Readings of which one can be told from the others.
+const LEAST_READINGS: usize = 5;
+
+/// Readings of a tool, and what they are fitted with.
+pub(super) struct Question<'a, const N: usize> {
+    pub(super) measured: &'a ToolReadings<N>,
+    pub(super) mounting: &'a Mounting,
+    pub(super) readings: &'a [Turned],
+    /// The robot file's tool.
+    pub(super) start: Tool,
+}
+
+impl<const N: usize> Question<'_, N> {
+    /// Checks readings that the fitted tool does not explain, or that no tool was fitted to.
+    ///
+    /// # Errors
+    /// [`FileError`] that names the columns, or the reading, without which a tool would explain them.
+    pub(super) fn check(&self, fitted: Option<&FittedTool>) -> Result<(), FileError> {
+        let rejected = |fitted: &FittedTool| too_large(fitted.fit.chi_squared(), fitted.fit.degrees());
+        let said = fitted.and_then(rejected);
+        if fitted.is_some() && said.is_none() {
+            return Ok(());
+        }
+        let Some(first) = self.measured.readings.first() else { return Ok(()) };
+        if let Some(mistake) = self.mistaken() {
+            return Err(self.measured.error(first, &mistake.names(), mistake.reason));
+        }
+        if let Some(reading) = self.unlike_the_others().and_then(|index| self.measured.readings.get(index)) {
+            let reason = "this reading does not agree with the others; measure it again, or remove it";
+            return Err(self.measured.error(reading, "pose", reason));
+        }
+        if let Some(said) = said.filter(|_| fitted.is_some_and(|fitted| pulls_upwards(fitted, &self.start.weight_n))) {
+            let reason = format!(
+                "no tool explains the readings, the best would pull upwards, and {said}; look at signs, units and order of the columns, and at q"
+            );
+            return Err(self.measured.error(first, LOAD[0], reason));
+        }
+        Ok(())
+    }
+
+    /// Chi-squared of readings that a tool which pulls downwards explains.
+    fn explained(&self, readings: &[Turned]) -> Option<f64> {
+        let fitted = fit_tool(self.mounting, readings, self.measured.noise, self.start).ok()?;
+        let (chi2, degrees) = (fitted.fit.chi_squared(), fitted.fit.degrees());
+        let is_explained = too_large(chi2, degrees).is_none() && !pulls_upwards(&fitted, &self.start.weight_n);
+        is_explained.then_some(chi2)
+    }
+
+    /// The simplest mistake without which a tool explains the readings.
+    fn mistaken(&self) -> Option<MistakenColumns> {
+        let explains =
+            |mistake: MistakenColumns| Some((self.explained(&mended(self.readings, &mistake.mended))?, mistake));
+        let better = |one: (f64, MistakenColumns), other: (f64, MistakenColumns)| {
+            if other.0 < one.0 - LEAST_GAIN { other } else { one }
+        };
+        MistakenColumns::all().filter_map(explains).reduce(better).map(|(_, mistake)| mistake)
+    }
+
+    /// The one reading without which a tool explains the others.
+    fn unlike_the_others(&self) -> Option<usize> {
+        let without = |index: usize| {
+            let mut others = self.readings.to_vec();
+            others.remove(index);
+            Some((self.explained(&others)?, index))
+        };
+        let many = Some(self.readings.len()).filter(|count| *count >= LEAST_READINGS)?;
+        let best = (0..many).filter_map(without).min_by(|(one, _), (other, _)| one.total_cmp(other));
+        best.map(|(_, index)| index)
+    }
+}
+
+/// Readings whose wrenches are this matrix times those of the table.
+fn mended(readings: &[Turned], by: &Matrix6<f64>) -> Vec<Turned> {
+    let mend = |reading: &Turned| {
+        let raw = by * Vector6::from(reading.raw.to_array());
+        Turned { raw: Wrench::from_array(raw.into()), ..*reading }
+    };
+    readings.iter().map(mend).collect()
+}
