@@ -1,4 +1,5 @@
 //! Mistakes with the columns of a wrench: signs, units, order, axes.
+#![expect(clippy::indexing_slicing, reason = "six columns and three axes are counted by the arrays themselves")]
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 

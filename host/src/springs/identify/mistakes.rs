@@ -44,7 +44,7 @@ enum Change {
     /// The wrench, made of these columns, is this matrix times that of the table.
     Load {
         columns: Vec<usize>,
-        mended: Matrix6<f64>,
+        mended: Box<Matrix6<f64>>,
     },
     Gauge {
         gauge: usize,
@@ -62,8 +62,10 @@ struct Mistake {
 impl Mistake {
     /// All of them, the simplest first.
     fn all(gauges: usize) -> impl Iterator<Item = Self> {
-        let load =
-            |MistakenColumns { columns, mended, reason }| Self { change: Change::Load { columns, mended }, reason };
+        let load = |MistakenColumns { columns, mended, reason }| Self {
+            change: Change::Load { columns, mended: Box::new(mended) },
+            reason,
+        };
         let gauge = |gauge: usize| Self {
             change: Change::Gauge { gauge, factor: -1.0 },
             reason: "the readings fall where by the others they should rise; the gauge's axis is reversed, or its sign"
@@ -81,7 +83,7 @@ impl Mistake {
         let mut campaign = campaign.clone();
         for window in &mut campaign.windows {
             match &self.change {
-                Change::Load { mended, .. } => window.load = mended * window.load,
+                Change::Load { mended, .. } => window.load = **mended * window.load,
                 Change::Gauge { gauge, factor } => {
                     window.readings_m[*gauge] = window.readings_m[*gauge].map(|reading| reading * factor);
                 }

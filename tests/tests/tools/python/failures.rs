@@ -23,7 +23,7 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
 ];
 
 /// States after which a client leaves that is to leave.
-pub(super) const STATES: u64 = 300;
+pub(super) const STATES: usize = 300;
 /// Ticks before a controller fails.
 const GOOD: u32 = 60;
 
@@ -170,10 +170,12 @@ fn not_scheduled_and_wrong() {
 }
 
 /// Numbers of a text, each after its words.
-pub(super) fn counted<const N: usize>(said: &str, words: [&str; N]) -> [u64; N] {
+pub(super) fn counted<const N: usize>(said: &str, words: [&str; N]) -> [usize; N] {
     words.map(|words| {
         let (_, rest) = said.split_once(words).unwrap_or_else(|| panic!("{said}"));
-        rest.chars().map_while(|digit| digit.to_digit(10)).fold(0, |number, digit| 10 * number + u64::from(digit))
+        rest.chars()
+            .map_while(|digit| usize::try_from(digit.to_digit(10)?).ok())
+            .fold(0, |number, digit| 10 * number + digit)
     })
 }
 
@@ -184,14 +186,10 @@ const fn is_live(row: &Row<ARMS>) -> bool {
 
 /// Asserts that a client that left has heard every State of its session and the one that acknowledges its Goodbye, and no other but such as came
 /// with that. `live`: for each tick, true for a State of its session.
-pub(super) fn assert_heard(live: impl Iterator<Item = bool>, heard: u64) {
+pub(super) fn assert_heard(live: impl Iterator<Item = bool>, heard: usize) {
     let since: Vec<bool> = live.skip_while(|is_live| !is_live).collect();
-    let least = since.iter().filter(|is_live| **is_live).count() as u64 + 1;
-    assert!(
-        (least.max(STATES + 1)..=since.len() as u64).contains(&heard),
-        "{heard} of {least} to {} States",
-        since.len()
-    );
+    let least = since.iter().filter(|is_live| **is_live).count() + 1;
+    assert!((least.max(STATES + 1)..=since.len()).contains(&heard), "{heard} of {least} to {} States", since.len());
 }
 
 /// `run` as a function, with what it does unless it is told otherwise.
@@ -211,9 +209,9 @@ print(gantry_tau.run(lambda state, wrench: [20_000, 0, 0], server=sys.argv[2], s
     // The Goodbye is received, too. A State that came with another one has no answer, and the server a tick without a frame.
     let live = session.rows.iter().filter(|row| is_live(row));
     let frames: Vec<u32> = live.map(|row| row.state.counters.received).collect();
-    let silent = frames.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64;
+    let silent = frames.windows(2).filter(|pair| pair[0] == pair[1]).count();
     let received = session.rows.last().unwrap().state.counters.received;
-    assert_eq!(sent + 1, u64::from(received));
+    assert_eq!(u32::try_from(sent + 1), Ok(received));
     assert!((STATES - silent..=STATES).contains(&sent), "{sent} commands, {silent} ticks without one");
     assert_eq!(session.obtained().last().unwrap().state.axes[0].offsets.position.0, 20_000);
     // The first command alone asks for Submit.
