@@ -1,12 +1,15 @@
 //! `gantry-tau identify`.
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::measurements;
+use gantry_tau::model::MachineKind;
 use gantry_tau::output::{Kind, Output};
-use gantry_tau::robot_file::AnyRobotFile;
-use gantry_tau::springs::identify::{IdentifyOptions, identify};
+use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau::springs::identify::{IdentifyError, IdentifyOptions, identify};
+use gantry_tau::springs::thesis;
 use gantry_tau::terminal::say;
 use gantry_tau::tool::{self, ToolOptions};
 
@@ -43,6 +46,9 @@ pub(crate) struct Identify {
     /// Page with springs, intervals and plots
     #[arg(long, value_name = "PAGE.html", value_parser = file(Kind::Page))]
     report: Option<Output>,
+    /// Page with the thesis' own evaluation of every series, beside the springs found and the thesis' tables 5.1 to 5.3
+    #[arg(long, value_name = "PAGE.html", value_parser = file(Kind::Page), conflicts_with = "raw")]
+    thesis: Option<Output>,
     /// The answer for programs: parameters, intervals, covariance, outliers, play
     #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
     json: Option<Output>,
@@ -69,8 +75,14 @@ impl Identify {
         if measurements::format_of(&self.setup)? == measurements::tool::FORMAT {
             return self.run_tool(&robot);
         }
+        let setup = PathBuf::from(self.setup);
+        let thesis = self.thesis.as_ref().map(|_| match &robot {
+            AnyRobotFile::L2(robot) => thesis_page(robot, &setup),
+            AnyRobotFile::F1(robot) => thesis_page(robot, &setup),
+        });
+        let thesis = thesis.transpose()?.unwrap_or_default();
         let options = IdentifyOptions {
-            setup: self.setup.into(),
+            setup,
             raw: self.raw.map(Into::into),
             robot: self.robot.into(),
             is_scaled: self.scale,
@@ -85,7 +97,7 @@ impl Identify {
         };
         let json = (self.json.as_ref(), identification.json.as_str());
         let page = (self.report.as_ref(), identification.report.as_str());
-        write_learned(&self.output, &identification.robot_file, &[json, page])?;
+        write_learned(&self.output, &identification.robot_file, &[json, page, (self.thesis.as_ref(), &thesis)])?;
         say(format_args!("{}: {}", self.output.path().display(), identification.summary));
         for warning in &identification.warnings {
             say(format_args!("{warning}"));
@@ -95,9 +107,9 @@ impl Identify {
 
     fn run_tool(self, robot: &AnyRobotFile) -> Outcome {
         let fits = self.scale || self.two_regimes || self.hysteresis || self.drift || self.no_robust;
-        if self.raw.is_some() || self.report.is_some() || fits {
+        if self.raw.is_some() || self.report.is_some() || self.thesis.is_some() || fits {
             return Err(
-                "--raw, --report, --scale, --two-regimes, --hysteresis, --drift and --no-robust are for springs; leave them out"
+                "--raw, --report, --thesis, --scale, --two-regimes, --hysteresis, --drift and --no-robust are for springs; leave them out"
                     .into(),
             );
         }
@@ -106,6 +118,15 @@ impl Identify {
         say(format_args!("{}: {}", self.output.path().display(), identified.summary));
         Ok(trusted(&identified.doubts))
     }
+}
+
+/// The page of the thesis' evaluation.
+fn thesis_page<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    setup: &Path,
+) -> Result<String, IdentifyError> {
+    let table = measurements::table_of(setup).unwrap_or_default();
+    thesis::page(robot, setup, &table)
 }
 
 /// Prints the doubts; returns the exit code.

@@ -22,6 +22,14 @@ fn the_walk_to_springs_ends_with_less_displacement() {
     assert!(identified.contains("# Compliances of the links, m/N; IDENTIFIED with campaign.csv"), "{identified}");
     let page = folder.read("springs.html");
     assert!(page.matches("<svg").count() == 12 && !page.contains("NaN"), "nine gauges, three plots of what is left");
+    let thesis = ["identify", "campaign.toml", "--robot", "l2", "-o", "again.toml", "--thesis", "thesis.html"];
+    folder.run(&thesis).success();
+    assert_eq!(folder.read("again.toml"), identified);
+    let page = folder.read("thesis.html");
+    assert!(
+        page.contains("[T Table 5.1]") && page.contains("[T Table 5.2, used]") && page.contains("series s9"),
+        "{page}"
+    );
     // The demo before and after, at 300 N.
     let displaced = |name: &str, arguments: &[&str]| -> f64 {
         let mut command = vec!["demo", "--pace", "lockstep", "--json", name];

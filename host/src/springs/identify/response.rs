@@ -75,36 +75,42 @@ impl<const N: usize> Found<'_, N> {
 
     /// Gauges whose readings change by less than their noise, in a series or from one on.
     pub(super) fn quiet(&self) -> Vec<String> {
+        let gauges = self.question.campaign.gauges.iter().enumerate();
+        gauges.filter_map(|(gauge, named)| self.quietest_run(gauge, &named.name)).collect()
+    }
+
+    /// Sentence for a gauge that is too quiet.
+    fn quietest_run(&self, gauge: usize, name: &Name) -> Option<String> {
         let campaign = self.question.campaign;
-        let noise_m = campaign.noise.gauge_um * 1e-6 * self.scale();
-        let of_gauge = |(gauge, name): (usize, &Name)| {
-            let readings = |series: usize| {
-                let windows = campaign.windows.iter().filter(move |window| window.series == series);
-                windows.filter_map(|window| window.readings_m[gauge]).collect::<Vec<f64>>()
-            };
-            let all: Vec<Vec<f64>> = (0..campaign.series.len()).map(readings).collect();
-            let is_fine = resolution(all.iter().flatten().copied()) < noise_m;
-            let scatters: Vec<(f64, usize)> = all.iter().map(|readings| scatter(readings, noise_m)).collect();
-            let sum = |some: &[(f64, usize)]| {
-                some.iter().fold((0.0, 0), |(chi2, degrees), one| (chi2 + one.0, degrees + one.1))
-            };
-            let runs =
-                (0..scatters.len()).flat_map(|first| [(first, &scatters[first..=first]), (first, &scatters[first..])]);
-            let tests = float(2 * scatters.len() * campaign.gauges.len());
-            let p_of = |(chi2, degrees): (f64, usize)| (1.0 - chi_squared_above(chi2, degrees)) * tests;
-            let quiet =
-                runs.filter(|_| is_fine).map(|(first, run)| (first, sum(run))).filter(|(_, (_, degrees))| *degrees > 0);
-            let (first, run) = quiet.min_by(|(_, one), (_, other)| p_of(*one).total_cmp(&p_of(*other)))?;
-            (p_of(run) < LEAST_P).then(|| {
-                format!(
-                    "gauge {name} scatters by {:.2} um from series {} on, where its noise alone would make {:.2} um: it is stuck, or the stated noise is too large",
-                    noise_m * 1e6 * (run.0 / float(run.1)).sqrt(),
-                    campaign.series[first],
-                    noise_m * 1e6
-                )
-            })
+        let noise_m = campaign.noise.gauge_um * 1e-6;
+        let read = |window: &Window<N>| Some((window.readings_m[gauge]?, window.sds_m[gauge].unwrap_or(noise_m)));
+        // Of a column that does not resolve its noise, equal numbers are no wonder.
+        let step_m = resolution(campaign.windows.iter().filter_map(read).map(|(reading, _)| reading));
+        if step_m <= 0.0 || step_m >= noise_m {
+            return None;
+        }
+        let of_series = |series: usize| {
+            let windows = campaign.windows.iter().filter(|window| window.series == series);
+            scatter(&windows.filter_map(read).collect::<Vec<_>>())
         };
-        campaign.gauges.iter().map(|gauge| &gauge.name).enumerate().filter_map(of_gauge).collect()
+        let scatters: Vec<(f64, usize)> = (0..campaign.series.len()).map(of_series).collect();
+        let sum = |some: &[(f64, usize)]| {
+            let (chi2, degrees) = some.iter().fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+            (chi2 / self.scale().powi(2), degrees)
+        };
+        let runs = (0..scatters.len()).flat_map(|first| [first + 1, scatters.len()].map(|end| (first, end)));
+        let tests = float(2 * scatters.len() * campaign.gauges.len());
+        let tested = runs.map(|(first, end)| (first, sum(&scatters[first..end]))).map(|(first, (chi2, degrees))| {
+            let below = if degrees > 0 { 1.0 - chi_squared_above(chi2, degrees) } else { 1.0 };
+            (below * tests, first, (chi2 / float(degrees.max(1))).sqrt())
+        });
+        let (p, first, scatter) = tested.min_by(|(one, ..), (other, ..)| one.total_cmp(other))?;
+        (p < LEAST_P).then(|| {
+            format!(
+                "gauge {name} scatters from series {} on by {scatter:.2} of its noise: it is stuck, or the stated noise is too large",
+                campaign.series[first]
+            )
+        })
     }
 
     /// Gauges many of whose readings are left out.
@@ -146,10 +152,10 @@ fn response(all: &[(usize, f64, f64)], series: usize) -> Option<Response> {
     (sum.squares > 1.0).then_some(sum)
 }
 
-/// Sum of the squares of deviations from their mean, in variances of the noise, and degrees of freedom.
-fn scatter(readings: &[f64], noise_m: f64) -> (f64, usize) {
-    let mean = readings.iter().sum::<f64>() / float(readings.len().max(1));
-    let squares = readings.iter().map(|reading| ((reading - mean) / noise_m).powi(2)).sum();
+/// Sum of the squares of the deviations of readings from their mean, in their variances, and degrees of freedom.
+fn scatter(readings: &[(f64, f64)]) -> (f64, usize) {
+    let mean = readings.iter().map(|(reading, _)| reading).sum::<f64>() / float(readings.len().max(1));
+    let squares = readings.iter().map(|(reading, sd)| ((reading - mean) / sd).powi(2)).sum();
     (squares, readings.len().saturating_sub(1))
 }
 

@@ -45,7 +45,7 @@ pub fn page<K: MachineKind<N>, const N: usize>(
     let file = file.vector();
     let file = file.as_slice();
     let evaluation = Evaluation { robot, campaign: &campaign, all: &all, found: &found, file };
-    Ok(html("gantry-tau experiment: the thesis' evaluation", &evaluation.body()))
+    Ok(html("gantry-tau: the thesis' evaluation", &evaluation.body()))
 }
 
 /// Both evaluations of a table.
