@@ -35,7 +35,7 @@ pub(crate) fn too_small(chi2: f64, degrees: usize) -> Option<String> {
 
 /// A probability as sentences have it.
 pub(crate) fn said(p: f64) -> String {
-    if p < ROUNDING { format!("p below {ROUNDING:e}") } else { format!("p = {p:.1e}") }
+    if p < ROUNDING { "p = 0 to 15 digits".to_owned() } else { format!("p = {p:.1e}") }
 }
 
 #[cfg(test)]

@@ -7,13 +7,16 @@ use nalgebra::{Matrix6, Vector6};
 use super::fit::{FittedTool, Mounting, Turned, fit_tool};
 use super::pulls_upwards;
 use crate::fit::goodness::too_large;
+use crate::fit::statistics::float;
 use crate::measurements::FileError;
 use crate::measurements::mistaken_columns::MistakenColumns;
 use crate::measurements::springs::LOAD;
-use crate::measurements::tool::ToolReadings;
+use crate::measurements::tool::{Noise, ToolReading, ToolReadings};
 
 /// Chi-squared by which one explanation must be better than a simpler one.
 const LEAST_GAIN: f64 = 20.0;
+/// Sum of the squares of a column's changes, in variances of its noise, above which it carries a signal.
+const SIGNAL: f64 = 100.0;
 /// Readings of which one can be told from the others.
 const LEAST_READINGS: usize = 5;
 
@@ -27,23 +30,28 @@ pub(super) struct Question<'a, const N: usize> {
 }
 
 impl<const N: usize> Question<'_, N> {
-    /// Checks readings that the fitted tool does not explain, or that no tool was fitted to.
+    /// Checks readings that the fitted tool does not explain, or that no tool was fitted to. Returns a sentence about the one reading without which a
+    /// tool explains them.
     ///
     /// # Errors
-    /// [`FileError`] that names the columns, or the reading, without which a tool would explain them.
-    pub(super) fn check(&self, fitted: Option<&FittedTool>) -> Result<(), FileError> {
+    /// [`FileError`] that names the columns that are mistaken.
+    pub(super) fn check(&self, fitted: Option<&FittedTool>) -> Result<Option<String>, FileError> {
         let rejected = |fitted: &FittedTool| too_large(fitted.fit.chi_squared(), fitted.fit.degrees());
         let said = fitted.and_then(rejected);
         if fitted.is_some() && said.is_none() {
-            return Ok(());
-        }
-        let Some(first) = self.measured.readings.first() else { return Ok(()) };
-        if let Some(mistake) = self.mistaken() {
-            return Err(self.measured.error(first, &mistake.names(), mistake.reason));
+            return Ok(None);
         }
         if let Some(reading) = self.unlike_the_others().and_then(|index| self.measured.readings.get(index)) {
+            let ToolReading { name, line, .. } = reading;
             let reason = "this reading does not agree with the others; measure it again, or remove it";
-            return Err(self.measured.error(reading, "pose", reason));
+            return match fitted {
+                Some(_) => Ok(Some(format!("pose {name} (line {line}): {reason}"))),
+                None => Err(self.measured.error(reading, "pose", reason)),
+            };
+        }
+        let Some(first) = self.measured.readings.first() else { return Ok(None) };
+        if let Some(mistake) = self.mistaken() {
+            return Err(self.measured.error(first, &mistake.names(), mistake.reason));
         }
         if let Some(said) = said.filter(|_| fitted.is_some_and(|fitted| pulls_upwards(fitted, &self.start.weight_n))) {
             let reason = format!(
@@ -51,7 +59,20 @@ impl<const N: usize> Question<'_, N> {
             );
             return Err(self.measured.error(first, LOAD[0], reason));
         }
-        Ok(())
+        Ok(None)
+    }
+
+    /// True if one of the mistaken columns, mended, changes by more than its noise.
+    fn has_signal(&self, mistake: &MistakenColumns, readings: &[Turned]) -> bool {
+        let Noise { force_n, moment_nm } = self.measured.noise;
+        let changes = |column: &usize| {
+            let sd = if *column < 3 { force_n } else { moment_nm };
+            let values: Vec<f64> =
+                readings.iter().filter_map(|reading| reading.raw.to_array().get(*column).copied()).collect();
+            let mean = values.iter().sum::<f64>() / float(values.len().max(1));
+            values.iter().map(|value| ((value - mean) / sd).powi(2)).sum::<f64>()
+        };
+        mistake.columns.iter().map(changes).fold(0.0, f64::max) > SIGNAL
     }
 
     /// Chi-squared of readings that a tool which pulls downwards explains.
@@ -64,8 +85,10 @@ impl<const N: usize> Question<'_, N> {
 
     /// The simplest mistake without which a tool explains the readings.
     fn mistaken(&self) -> Option<MistakenColumns> {
-        let explains =
-            |mistake: MistakenColumns| Some((self.explained(&mended(self.readings, &mistake.mended))?, mistake));
+        let explains = |mistake: MistakenColumns| {
+            let mended = mended(self.readings, &mistake.mended);
+            Some((self.explained(&mended)?, mistake)).filter(|(_, mistake)| self.has_signal(mistake, &mended))
+        };
         let better = |one: (f64, MistakenColumns), other: (f64, MistakenColumns)| {
             if other.0 < one.0 - LEAST_GAIN { other } else { one }
         };

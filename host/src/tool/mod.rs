@@ -136,7 +136,7 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
     let start: Tool = robot.sensor.tool.into();
     let fitted = fit_tool(&mounting, &readings, measured.noise, start);
     let question = mistakes::Question { measured: &measured, mounting: &mounting, readings: &readings, start };
-    question.check(fitted.as_ref().ok())?;
+    let unlike = question.check(fitted.as_ref().ok())?;
     let fitted = fitted.map_err(|reason| match reason {
         FitError::TooFew { .. } => ToolError::TooFew { table: measured.table.clone() },
         reason => ToolError::Fit { table: measured.table.clone(), reason },
@@ -147,7 +147,7 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
         json: serde_json::to_string_pretty(&answer).map_err(|error| ToolError::Edit(error.to_string()))?,
         robot_file: robot_file(&fitted, &measured, &options.robot)?,
         summary: summary(&fitted, &answer),
-        doubts: doubts(&fitted, &answer),
+        doubts: [doubts(&fitted, &answer), unlike.into_iter().collect()].concat(),
     })
 }
 

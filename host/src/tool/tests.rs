@@ -173,8 +173,8 @@ fn what_is_kept_is_the_files_to_the_bit_and_what_is_contradicted_is_not_kept() {
     assert!(kept >= 10 && contradicted == 20, "{kept} kept, {contradicted} contradicted");
 }
 
-/// The refusal of readings whose wrenches were spoiled by a matrix.
-fn refused(spoil: impl Fn(usize, &mut Wrench)) -> Option<String> {
+/// Sentence about readings whose wrenches were spoiled by a matrix.
+fn told(spoil: impl Fn(usize, &mut Wrench)) -> Option<String> {
     let rotations = rotations(&[&TURNS[..], &[[-0.1, 0.2, -0.2], [0.2, 0.2, 0.1]]].concat());
     let mut turned = readings(&rotations, 1.0, 3);
     turned.iter_mut().enumerate().for_each(|(index, reading)| spoil(index, &mut reading.raw));
@@ -189,22 +189,22 @@ fn refused(spoil: impl Fn(usize, &mut Wrench)) -> Option<String> {
     let (mounting, start) = (mounting(), Tool { weight_n: Vector3::new(0.0, 0.0, -18.0), ..Tool::weightless() });
     let fitted = fit_tool(&mounting, &turned, NOISE, start);
     let question = mistakes::Question { measured: &measured, mounting: &mounting, readings: &turned, start };
-    question.check(fitted.as_ref().ok()).err().map(|error| error.to_string())
+    question.check(fitted.as_ref().ok()).unwrap_or_else(|error| Some(error.to_string()))
 }
 
 #[test]
 fn columns_that_are_mistaken_and_a_reading_unlike_the_others_are_named() {
     let moments = "tool.csv:2: moment_x_n_m, moment_y_n_m, moment_z_n_m: the moments ";
-    assert_eq!(refused(|_, _| ()), None);
+    assert_eq!(told(|_, _| ()), None);
     for (words, spoil) in [
         (&*format!("{moments}are in N mm"), (|_, raw| raw.moment_nm *= 1e3) as fn(usize, &mut Wrench)),
         ("tool.csv:2: force_z_n: this column has the wrong sign", |_, raw| raw.force_n.z *= -1.0),
         ("tool.csv:2: force_x_n, force_y_n: these two columns are swapped", |_, raw| raw.force_n.swap_rows(0, 1)),
-        ("tool.csv:6: pose: this reading does not agree with the others", |index, raw| {
+        ("pose 4 (line 6): this reading does not agree with the others", |index, raw| {
             raw.force_n.y += if index == 4 { 5.0 } else { 0.0 };
         }),
     ] {
-        let said = refused(spoil).expect(words);
+        let said = told(spoil).expect(words);
         assert!(said.starts_with(words), "{said}");
     }
 }

@@ -143,7 +143,6 @@ impl Verification {
                 farthest.unwrap_or_default()
             ));
         }
-        doubts.extend(goodness::too_small(self.chi2, self.dof));
         if self.judged.pairs == 0 {
             let (jump, limit) = (self.at_the_jump.pairs, self.saturated.pairs);
             doubts.push(format!("no pair is judged: {jump} across the jump, {limit} at an offset limit"));

@@ -120,6 +120,7 @@ fn turned_poses_of_an_f1_give_its_tool() {
     folder.write("tool.csv", &rows.join("\n"));
     let line = folder.run(&identify("f1")).failure(3);
     assert!(line.contains("the model or the stated noise is wrong: chi2/dof is "), "{line}");
+    assert!(line.contains("(line 5): this reading does not agree with the others"), "{line}");
     // Noise that is stated twice too large.
     measure_f1(&folder);
     let setup = folder
