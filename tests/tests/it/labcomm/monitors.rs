@@ -38,8 +38,11 @@ impl Watch {
     fn of(server: SocketAddr) -> Self {
         let (latest, quit): (Arc<Mutex<Option<Snapshot>>>, Arc<AtomicBool>) = Default::default();
         let (place, asked) = (Arc::clone(&latest), Arc::clone(&quit));
+        let (connected, is_connected) = std::sync::mpsc::channel();
         let thread = std::thread::spawn(move || {
             let mut monitor = Monitor::of(server);
+            monitor.update();
+            connected.send(()).unwrap();
             while !asked.load(Ordering::Relaxed) {
                 monitor.update();
                 *place.lock().unwrap() = monitor.live().cloned();
@@ -47,6 +50,8 @@ impl Watch {
             }
             monitor.events().map(|entry| entry.text.clone()).collect()
         });
+        // The server's next tick is one that it sees.
+        is_connected.recv().unwrap();
         Self { latest, quit, thread }
     }
 
