@@ -33,6 +33,11 @@ pub(crate) fn too_small(chi2: f64, degrees: usize) -> Option<String> {
     })
 }
 
+/// The first of some explanations, the simplest first, that none after it beats by this chi-squared.
+pub(crate) fn simplest<T>(explanations: impl Iterator<Item = (f64, T)>, least_gain: f64) -> Option<T> {
+    explanations.reduce(|one, other| if other.0 < one.0 - least_gain { other } else { one }).map(|(_, best)| best)
+}
+
 /// A probability as sentences have it.
 pub(crate) fn said(p: f64) -> String {
     if p < ROUNDING { "p = 0 to 15 digits".to_owned() } else { format!("p = {p:.1e}") }
@@ -41,6 +46,14 @@ pub(crate) fn said(p: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_simpler_explanation_is_beaten_by_a_far_better_one_only() {
+        let best = |chi2: [f64; 3]| simplest(chi2.into_iter().zip(["simple", "other", "third"]), 20.0);
+        assert_eq!(best([100.0, 90.0, 81.0]), Some("simple"));
+        assert_eq!(best([100.0, 79.0, 60.0]), Some("other"));
+        assert_eq!(simplest(std::iter::empty::<(f64, ())>(), 20.0), None);
+    }
 
     #[test]
     fn both_sides_have_their_sentences() {

@@ -41,6 +41,13 @@ pub fn normal_below(value: f64) -> f64 {
     Normal::standard().cdf(value)
 }
 
+/// Sum of the squares of the deviations of some values from their mean.
+#[must_use]
+pub fn squares_about_mean(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / float(values.len().max(1));
+    values.iter().map(|value| (value - mean).powi(2)).sum()
+}
+
 /// Returns the median; NaN of nothing.
 #[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {

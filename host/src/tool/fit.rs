@@ -146,6 +146,9 @@ fn keeping(
     whole.fixed_rows_mut::<3>(3).copy_from(&(weighed.centre_m - start.centre_m));
     whole.component_div_assign(&scales);
     let mut found = fit_from(*weighed)?;
+    if found.held.count() == 0 {
+        return Ok(found);
+    }
     for _ in 0..MOST_BEGINNINGS {
         let directions = found.held.directions();
         let mut step = &whole - directions * directions.tr_mul(&whole);

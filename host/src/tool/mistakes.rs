@@ -6,8 +6,8 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::fit::{FittedTool, Mounting, Turned, fit_tool};
 use super::pulls_upwards;
-use crate::fit::goodness::too_large;
-use crate::fit::statistics::float;
+use crate::fit::goodness::{simplest, too_large};
+use crate::fit::statistics::squares_about_mean;
 use crate::measurements::FileError;
 use crate::measurements::mistaken_columns::MistakenColumns;
 use crate::measurements::springs::LOAD;
@@ -67,10 +67,8 @@ impl<const N: usize> Question<'_, N> {
         let Noise { force_n, moment_nm } = self.measured.noise;
         let changes = |column: &usize| {
             let sd = if *column < 3 { force_n } else { moment_nm };
-            let values: Vec<f64> =
-                readings.iter().filter_map(|reading| reading.raw.to_array().get(*column).copied()).collect();
-            let mean = values.iter().sum::<f64>() / float(values.len().max(1));
-            values.iter().map(|value| ((value - mean) / sd).powi(2)).sum::<f64>()
+            let values = readings.iter().filter_map(|reading| reading.raw.to_array().get(*column).map(|one| one / sd));
+            squares_about_mean(&values.collect::<Vec<_>>())
         };
         mistake.columns.iter().map(changes).fold(0.0, f64::max) > SIGNAL
     }
@@ -89,10 +87,7 @@ impl<const N: usize> Question<'_, N> {
             let mended = mended(self.readings, &mistake.mended);
             Some((self.explained(&mended)?, mistake)).filter(|(_, mistake)| self.has_signal(mistake, &mended))
         };
-        let better = |one: (f64, MistakenColumns), other: (f64, MistakenColumns)| {
-            if other.0 < one.0 - LEAST_GAIN { other } else { one }
-        };
-        MistakenColumns::all().filter_map(explains).reduce(better).map(|(_, mistake)| mistake)
+        simplest(MistakenColumns::all().filter_map(explains), LEAST_GAIN)
     }
 
     /// The one reading without which a tool explains the others.

@@ -340,3 +340,40 @@ fn a_play_needs_forces_beyond_half_of_the_expected_preload() {
         assert!(doubt.is_none_or(|doubt| doubt.starts_with("a play is found that opens at a preload of ")));
     }
 }
+
+/// Sentences about gauges and springs, each check by itself, of an F1 whose readings of one gauge were changed.
+fn told(gauge: usize, change: impl Fn(usize, f64, &mut ChaCha8Rng) -> f64) -> [Vec<String>; 4] {
+    let ((mut bench, _), mut random) = (good(f1(), 0), seeded(9));
+    for (row, window) in bench.campaign.windows.iter_mut().enumerate() {
+        window.readings_m[gauge] = window.readings_m[gauge].map(|reading| change(row, reading, &mut random));
+    }
+    let found = find(bench.question(), &options()).unwrap();
+    [found.uneven(), found.quiet(), found.far_off(), found.mostly_left_out().collect()]
+}
+
+/// Each check finds its own, whether or not another one does; gauge 11 is that of the last plate.
+#[test]
+fn checks_of_gauges_and_springs_find_their_own() {
+    assert_eq!(told(11, |_, reading, _| reading).concat(), [""; 0]);
+    let [_, quiet, ..] = told(11, |_, _, random| 0.2e-6 * normal(random));
+    assert!(quiet.concat().contains("axis6 scatters from series 0 on by 0.2"), "{quiet:?}");
+    let [uneven, ..] = told(11, |_, reading, _| -reading);
+    assert!(uneven.concat().contains("gauge axis6 shows "), "{uneven:?}");
+    let [.., left_out] =
+        told(0, |row, reading, random| reading + if row % 3 == 0 { 40e-6 * normal(random) } else { 0.0 });
+    assert!(left_out.concat().contains(" readings of gauge pz1 do not agree"), "{left_out:?}");
+}
+
+/// A part that is softer than its file by far, and no other.
+#[test]
+fn a_spring_that_is_far_from_the_files_is_told() {
+    let (mut bench, mut random) = (f1(), seeded(1));
+    let mut springs = bench.file.vector();
+    springs[11] *= 4.0;
+    let truth = bench.file.with(&springs);
+    bench.measure(&truth, &mut random, 0.0, never);
+    let found = find(bench.question(), &options()).unwrap();
+    let told = found.far_off();
+    assert!(told.len() == 1 && told.concat().starts_with("c_act[5] is "), "{told:?}");
+    assert_eq!([found.uneven(), found.quiet()].concat(), [""; 0]);
+}

@@ -2,20 +2,19 @@
 
 use nalgebra::DMatrix;
 
-use crate::elastic::ElasticMachine;
-use crate::elastic::backlash::Backlash;
-use crate::model::MachineKind;
-use crate::robot_file::RobotFile;
-
 use super::answer::Answer;
 use super::regimes::TwoRegimes;
 use super::{Found, names};
+use crate::elastic::ElasticMachine;
+use crate::elastic::backlash::Backlash;
 use crate::fit::answer::Unobservable;
 use crate::fit::goodness::{self, LEAST_P};
 use crate::fit::held::Held;
 use crate::fit::statistics::float;
 use crate::measurements::plan::before_remount;
 use crate::measurements::springs::{Campaign, SeriesEntry};
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
 use crate::springs::agreement::{Agreement, deviations};
 use crate::springs::decision::unobservable;
 use crate::springs::preload::Preload;

@@ -18,8 +18,8 @@ use crate::springs::lines::{Question, State, smooth_loads};
 
 use super::doubts::MOST_OUTLIERS;
 use super::{Found, IdentifyError, IdentifyOptions, find};
-use crate::fit::goodness::LEAST_P;
-use crate::fit::statistics::{chi_squared_above, float};
+use crate::fit::goodness::{LEAST_P, simplest};
+use crate::fit::statistics::{chi_squared_above, float, squares_about_mean};
 
 /// Chi-squared per degree of freedom up to which a mended campaign is not rejected.
 const EXPLAINED: f64 = 1.5;
@@ -104,7 +104,7 @@ impl Mistake {
         }
     }
 
-    /// What a fit costs without the mistake, if it explains the readings, and true if nothing is left to doubt.
+    /// Cost of a fit without the mistake, if it explains the readings, and true if nothing is left to doubt.
     fn explains<const N: usize>(&self, question: &Question<'_, N>, options: &IdentifyOptions) -> Option<(f64, bool)> {
         let plain = IdentifyOptions { has_two_regimes: false, has_hysteresis: false, ..options.clone() };
         let campaign = self.taken_back(question.campaign);
@@ -152,8 +152,7 @@ fn changes<const N: usize>(campaign: &Campaign<N>, value: impl Fn(usize) -> Opti
     let of_series = |series: usize| {
         let windows = (0..campaign.windows.len()).filter(|window| campaign.windows[*window].series == series);
         let values: Vec<f64> = windows.filter_map(&value).collect();
-        let mean = values.iter().sum::<f64>() / float(values.len().max(1));
-        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>(), values.len())
+        (squares_about_mean(&values), values.len())
     };
     (0..campaign.series.len())
         .map(of_series)
@@ -203,9 +202,7 @@ pub(super) fn checked<'a, const N: usize>(
     let of_plain = after_steps(question).filter(|_| cost.is_finite());
     let chi2 = of_plain.map_or(f64::INFINITY, |solved| solved.rows.chi_squared());
     let explaining = likely(question, chi2).into_iter().filter_map(|mistake| Some((mended(&mistake)?, mistake)));
-    let better = |one: (f64, Mistake), other: (f64, Mistake)| if other.0 < one.0 - LEAST_GAIN { other } else { one };
-    let best = explaining.reduce(better);
-    match best.and_then(|(_, mistake)| mistake.error(question.campaign)) {
+    match simplest(explaining, LEAST_GAIN).and_then(|mistake| mistake.error(question.campaign)) {
         Some(error) => Err(error.into()),
         None => found,
     }

@@ -117,7 +117,7 @@ pub(super) fn gauges<const N: usize>(question: &Question<'_, N>, lines: &[Lines]
         let is_little = share.abs() + SURE_SD * sd < LEAST_SHARE && is_sure(question, lines, gauge);
         if is_nothing || is_little {
             let reason = format!(
-                "the readings change by {:.1} % of what the robot file's springs let expect; the column is in um, and the gauge must touch (a part that is this stiff: write so in the robot file first)",
+                "the readings change by {:.1} % of what the robot file's springs predict; the column is in um, and the gauge must touch (a part that is this stiff: write so in the robot file first)",
                 share * 100.0
             );
             return Err(campaign.error(window, &column, reason));

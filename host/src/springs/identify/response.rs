@@ -16,7 +16,7 @@ use crate::springs::lines::{Lines, Question};
 const MOST_LEFT_OUT: f64 = 0.25;
 const FEW: usize = 5;
 
-/// What the deviations of a gauge from the fit have of the changes that the robot file's springs predict, in a series or some.
+/// Share that the deviations of a gauge from the fit have of the changes that the robot file's springs predict, in a series or some.
 #[derive(Clone, Copy, Debug, Default)]
 struct Response {
     /// Sum of the products of both, and of the squares of the predicted changes; in variances of the noise.
@@ -177,7 +177,7 @@ fn said<const N: usize>(campaign: &Campaign<N>, name: &Name, responses: &[(usize
     let what = match least {
         _ if least >= LEAST_P => return None,
         _ if least >= overall => format!(
-            "shows {:.0} % of what the robot file's springs let expect {} than the other gauges show; look at its sign, unit and contact",
+            "shows {:.0} % of what the robot file's springs predict {} than the other gauges show; look at its sign, unit and contact",
             all.share().abs() * 100.0,
             if all.share() < 0.0 { "less" } else { "more" }
         ),
