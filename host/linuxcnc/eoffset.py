@@ -110,6 +110,18 @@ class Screen:
         self.run.wait("coordinated mode", lambda: self.status.motion_mode == self.linuxcnc.TRAJ_MODE_COORD)
         self.command.mdi(text)
 
+    def reach(self, text, what, condition):
+        """Sends a command, and again while nothing comes of it: one that comes while a mode changes is forgotten."""
+        sent = []
+
+        def is_reached():
+            if not sent or time.monotonic() - sent[-1] > 5:
+                self.mdi(text)
+                sent.append(time.monotonic())
+            return condition()
+
+        self.run.wait(what, is_reached)
+
     def disable_at_speed(self, part):
         hal("sets", "part", part)
         self.enable(DISABLED_AT, 5000)
@@ -148,8 +160,7 @@ class Screen:
         hal("sets", "part", 0)
         hal("sets", "wanted", 0)
         hal("setp", "axis.x.eoffset-counts", 0)
-        self.mdi("G0 X0")
-        self.run.wait("X0", lambda: abs(self.status.position[0]) < 1e-6 and self.status.inpos)
+        self.reach("G0 X0", "X0", lambda: abs(self.status.position[0]) < 1e-6 and self.status.inpos)
 
         hal("sets", "part", AT_LIMIT)
         self.enable(1e3, 50000)

@@ -1,7 +1,5 @@
 //! `gantry-tau calibrate`.
 
-use std::process::ExitCode;
-
 use clap::{Args, ValueEnum};
 use gantry_tau::geometry::calibrate::{CalibrateOptions, FrameOption, GuidewaysOption, calibrate_f1, calibrate_l2};
 use gantry_tau::output::{Kind, Output};
@@ -9,7 +7,7 @@ use gantry_tau::robot_file::AnyRobotFile;
 use gantry_tau::terminal::say;
 
 use super::outputs::{Input, NamedInput, file, write_learned};
-use super::{Outcome, fail};
+use super::{Outcome, doubted};
 
 /// Find the geometry of a machine from poses that a camera, an arm or a tracker has measured
 ///
@@ -103,9 +101,6 @@ impl Calibrate {
         for remark in &calibration.remarks {
             say(format_args!("{remark}"));
         }
-        if calibration.doubts.is_empty() {
-            return Ok(ExitCode::SUCCESS);
-        }
-        Ok(fail(3, calibration.doubts.join("; ")))
+        Ok(doubted(&calibration.doubts))
     }
 }

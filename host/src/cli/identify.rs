@@ -1,7 +1,6 @@
 //! `gantry-tau identify`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::Args;
 use gantry_tau::measurements;
@@ -14,7 +13,7 @@ use gantry_tau::terminal::say;
 use gantry_tau::tool::{self, ToolOptions};
 
 use super::outputs::{Input, NamedInput, file, write_learned};
-use super::{Outcome, fail};
+use super::{Outcome, doubted};
 
 /// Find the springs of a machine from forces and length gauges, or the weight of its tool from turned poses
 ///
@@ -102,7 +101,7 @@ impl Identify {
         for warning in &identification.warnings {
             say(format_args!("{warning}"));
         }
-        Ok(trusted(&identification.doubts))
+        Ok(doubted(&identification.doubts))
     }
 
     fn run_tool(self, robot: &AnyRobotFile) -> Outcome {
@@ -116,7 +115,7 @@ impl Identify {
         let identified = tool::identify(robot, &ToolOptions { setup: self.setup.into(), robot: self.robot.into() })?;
         write_learned(&self.output, &identified.robot_file, &[(self.json.as_ref(), &identified.json)])?;
         say(format_args!("{}: {}", self.output.path().display(), identified.summary));
-        Ok(trusted(&identified.doubts))
+        Ok(doubted(&identified.doubts))
     }
 }
 
@@ -127,9 +126,4 @@ fn thesis_page<K: MachineKind<N>, const N: usize>(
 ) -> Result<String, IdentifyError> {
     let table = measurements::table_of(setup).unwrap_or_default();
     thesis::page(robot, setup, &table)
-}
-
-/// Prints the doubts; returns the exit code.
-fn trusted(doubts: &[String]) -> ExitCode {
-    if doubts.is_empty() { ExitCode::SUCCESS } else { fail(3, doubts.join("; ")) }
 }

@@ -202,6 +202,11 @@ fn read_keyboard(listen: impl FnOnce(StdinLock<'_>) + Send + 'static) {
     }
 }
 
+/// Prints the reasons not to trust a result; returns the exit code.
+fn doubted(doubts: &[String]) -> ExitCode {
+    if doubts.is_empty() { ExitCode::SUCCESS } else { fail(3, doubts.join("; ")) }
+}
+
 /// Prints one line on stderr; returns the exit code.
 fn fail(code: u8, error: impl std::fmt::Display) -> ExitCode {
     complain(error);

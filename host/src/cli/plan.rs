@@ -1,7 +1,6 @@
 //! `gantry-tau plan`.
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use clap::{Args, Subcommand, ValueEnum};
 use gantry_tau::measurements::springs::{Noise, read_gauges};
@@ -14,7 +13,7 @@ use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau::terminal::say;
 
 use super::outputs::{Input, NamedInput};
-use super::{Outcome, fail};
+use super::{Outcome, doubted};
 
 /// Plan measurements: straps, gauges and poses that make springs or geometry observable, and how well they will be known
 ///
@@ -103,10 +102,6 @@ impl Files {
         say(format_args!("{}\n\nplan: {plan}; table and sheet: {}", written.summary, paths.join(", ")));
         Ok(doubted(&written.doubts))
     }
-}
-
-fn doubted(doubts: &[String]) -> ExitCode {
-    if doubts.is_empty() { ExitCode::SUCCESS } else { fail(3, doubts.join("; ")) }
 }
 
 /// Options of straps and gauges.

@@ -1,7 +1,5 @@
 //! `gantry-tau verify`.
 
-use std::process::ExitCode;
-
 use clap::Args;
 use gantry_tau::measurements::springs;
 use gantry_tau::model::MachineKind;
@@ -12,7 +10,7 @@ use gantry_tau::verify::{PredictOptions, VerifyError, predict, prediction_page, 
 use gantry_tau::workspace;
 
 use super::outputs::{Input, NamedInput, file};
-use super::{MachineCommand, Outcome, fail};
+use super::{MachineCommand, Outcome, doubted};
 
 /// Compare what remains of the tool's displacement with compensation against what the robot file predicts
 ///
@@ -63,10 +61,7 @@ impl MachineCommand for Verify {
             Some(path) => self.measured(path, &robot)?,
             None => self.predicted(&robot)?,
         };
-        if doubts.is_empty() {
-            return Ok(ExitCode::SUCCESS);
-        }
-        Ok(fail(3, doubts.join("; ")))
+        Ok(doubted(&doubts))
     }
 }
 

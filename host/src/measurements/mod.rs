@@ -3,6 +3,7 @@
 
 pub mod frame;
 pub(crate) mod mistaken_columns;
+pub mod moved_rows;
 pub mod plan;
 pub mod poses;
 pub(crate) mod repeated;

@@ -1,6 +1,6 @@
 //! Campaigns of forces and gauges: windows of a load, and what the gauges showed.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 use gantry_tau_core::model::kinematics::Pose;
@@ -29,6 +29,8 @@ pub const MAX_GAUGES: usize = 16;
 pub(crate) const MOST: [f64; 5] = [1e3, 1e5, 1e5, 1e5, 1e9];
 /// Largest angle of a wrist's joint, rad: a turn.
 pub const MOST_TURNED_RAD: f64 = std::f64::consts::TAU;
+/// Load that is zero but for rounding, in standard deviations of its noise.
+const ZERO_SD: f64 = 1e-9;
 /// Range of a standard deviation, in the unit of its key.
 pub(super) const NOISE: (f64, f64) = (1e-6, 1e6);
 
@@ -179,13 +181,28 @@ impl<const N: usize> Campaign<N> {
                 window.readings_m.get(index).copied().flatten()
             })
         };
-        let load = |(index, (name, variance)): (usize, (&&str, &f64))| {
-            column((*name).to_owned(), Some(variance.sqrt()), &|window| window.load.get(index).copied())
-        };
         let variances = self.noise.load_variances();
+        let tared = self.tared();
+        let load = |(index, (name, variance)): (usize, (&&str, &f64))| {
+            column((*name).to_owned(), Some(variance.sqrt()), &|window| {
+                window.load.get(index).copied().filter(|_| !tared.contains(&window.line))
+            })
+        };
         let loads = LOAD.iter().zip(&variances).enumerate().map(load);
         let pose = column("pose".to_owned(), None, &|window| Some(float(window.pose)));
         std::iter::once(pose).chain(self.gauges.iter().enumerate().map(gauge)).chain(loads).collect()
+    }
+
+    /// Lines of the windows at the ends of a series whose load is zero: the tare defines it, or it was typed, and no instrument read it.
+    fn tared(&self) -> BTreeSet<u64> {
+        let limits = self.noise.load_variances().map(|variance| ZERO_SD * variance.sqrt());
+        let is_zero = |window: &&Window<N>| window.load.iter().zip(&limits).all(|(load, limit)| load.abs() <= *limit);
+        let of_series = |series: usize| {
+            let mut windows = self.windows.iter().filter(move |window| window.series == series);
+            let first = windows.next();
+            [first, windows.next_back()].into_iter().flatten()
+        };
+        (0..self.series.len()).flat_map(of_series).filter(is_zero).map(|window| window.line).collect()
     }
 
     /// Returns an error about a column of a window.

@@ -10,6 +10,7 @@ use crate::fit::goodness::{simplest, too_large};
 use crate::fit::statistics::squares_about_mean;
 use crate::measurements::FileError;
 use crate::measurements::mistaken_columns::MistakenColumns;
+use crate::measurements::moved_rows::MovedRows;
 use crate::measurements::springs::LOAD;
 use crate::measurements::tool::{Noise, ToolReading, ToolReadings};
 
@@ -50,8 +51,8 @@ impl<const N: usize> Question<'_, N> {
             };
         }
         let Some(first) = self.measured.readings.first() else { return Ok(None) };
-        if let Some(mistake) = self.mistaken() {
-            return Err(self.measured.error(first, &mistake.names(), mistake.reason));
+        if let Some((columns, reason)) = self.mistaken() {
+            return Err(self.measured.error(first, &columns, reason));
         }
         if let Some(said) = said.filter(|_| fitted.is_some_and(|fitted| pulls_upwards(fitted, &self.start.weight_n))) {
             let reason = format!(
@@ -81,13 +82,20 @@ impl<const N: usize> Question<'_, N> {
         is_explained.then_some(chi2)
     }
 
-    /// The simplest mistake without which a tool explains the readings.
-    fn mistaken(&self) -> Option<MistakenColumns> {
-        let explains = |mistake: MistakenColumns| {
+    /// Columns, and the reason, of the simplest mistake without which a tool explains the readings.
+    fn mistaken(&self) -> Option<(String, String)> {
+        let of_columns = |mistake: MistakenColumns| {
             let mended = mended(self.readings, &mistake.mended);
-            Some((self.explained(&mended)?, mistake)).filter(|(_, mistake)| self.has_signal(mistake, &mended))
+            let chi2 = self.explained(&mended)?;
+            self.has_signal(&mistake, &mended).then(|| (chi2, (mistake.names(), mistake.reason)))
         };
-        simplest(MistakenColumns::all().filter_map(explains), LEAST_GAIN)
+        let of_rows = |moved: MovedRows| {
+            let of_row = |(set, measured): (&Turned, &Turned)| Turned { raw: measured.raw, ..*set };
+            let mended: Vec<_> = moved.pairs(self.readings).map(of_row).collect();
+            Some((self.explained(&mended)?, (LOAD.join(", "), format!("these columns {moved}"))))
+        };
+        let all = MistakenColumns::all().filter_map(of_columns);
+        simplest(all.chain(MovedRows::ALL.into_iter().filter_map(of_rows)), LEAST_GAIN)
     }
 
     /// The one reading without which a tool explains the others.

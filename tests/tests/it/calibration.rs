@@ -2,7 +2,9 @@
 
 mod columns;
 mod gross;
+mod moved;
 
+use std::cell::RefCell;
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -330,7 +332,7 @@ fn wrong_files_are_refused_by_line_and_column() {
     assert!(error.contains("rot_w: an F1 needs orientations"), "{error}");
 }
 
-/// A column with the wrong sign, two of them swapped, a left-handed frame: named, and how to mend it.
+/// A column with the wrong sign, two of them swapped, a left-handed frame, places a row late: named, and how to mend it.
 #[test]
 fn columns_that_are_not_what_their_names_say_are_named() {
     let mut draw = Draw(Noise::new(11));
@@ -359,6 +361,13 @@ fn columns_that_are_not_what_their_names_say_are_named() {
     for mirrored in [with(&|row| negated(&mut row[5])), with(&|row| row.swap(4, 5))] {
         assert!(mirrored.unwrap_err().contains("poses.csv: columns x_m, y_m, z_m: are in a left-handed frame"));
     }
+    let last = RefCell::new(None);
+    let late = with(&|row| {
+        let place = [row[4].clone(), row[5].clone(), row[6].clone()];
+        row[4..7].clone_from_slice(&last.replace(Some(place)).unwrap_or(["1.0", "1.0", "1.0"].map(str::to_owned)));
+    });
+    let expected = "poses.csv: columns x_m, y_m, z_m: stand a row later than the others; move them up by a row";
+    assert!(late.as_ref().is_err_and(|error| error.ends_with(expected)), "{late:?}");
 }
 
 /// Near the end of the reach the machine of the file cannot stand where the real one does.

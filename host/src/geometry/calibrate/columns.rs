@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use crate::fit::statistics::median;
 use crate::geometry::MeasuredPose;
 use crate::geometry::frames::{Frames, LEVER_M, apply, near, rigid_trimmed};
+use crate::measurements::moved_rows::MovedRows;
 
 /// Median distance between places from which on something is wrong, m.
 const LEAST_OFF_M: f64 = 0.05;
@@ -29,6 +30,8 @@ pub enum Mistake {
     ScalarLast,
     /// Orientations of the device in the frame of the target, and not the other way round.
     Inverted,
+    /// Places and orientations beside the axes of another row.
+    Moved(MovedRows),
 }
 
 impl Mistake {
@@ -39,12 +42,10 @@ impl Mistake {
         place_m: impl Fn(&[f64; N]) -> Option<Vector3<f64>>,
     ) -> Option<Self> {
         let axes = (0..N).map(Self::Negated);
-        Self::best(axes.chain(Self::swaps(0, N)).chain([Self::Mirrored]), LEAST_OFF_M, |mistake| {
-            let pair = |pose: &MeasuredPose<N>| {
-                let pose = taken_back(mistake, pose);
-                Some((place_m(&pose.q)?, pose.position_m))
-            };
-            let pairs: Vec<_> = poses.iter().filter_map(pair).collect();
+        let moved = MovedRows::ALL.map(Self::Moved);
+        Self::best(axes.chain(Self::swaps(0, N)).chain([Self::Mirrored]).chain(moved), LEAST_OFF_M, |mistake| {
+            let pair = |pose: MeasuredPose<N>| Some((place_m(&pose.q)?, pose.position_m));
+            let pairs: Vec<_> = taken_back(mistake, poses).into_iter().filter_map(pair).collect();
             // Half of the poses, to tell by: another machine reaches few of them.
             let motion = rigid_trimmed(&pairs).filter(|_| 2 * pairs.len() > poses.len())?;
             Some(median(pairs.iter().map(|(from, to)| (to - apply(&motion, from)).norm()).collect()))
@@ -61,12 +62,11 @@ impl Mistake {
     ) -> Option<Self> {
         let plates = (first_plate..N).map(Self::Negated).chain(Self::swaps(first_plate, N));
         Self::best(plates.chain([Self::ScalarLast, Self::Inverted]), LEAST_TURNED_M, |mistake| {
-            let pair = |measured: &MeasuredPose<N>| {
-                let measured = taken_back(mistake, measured);
+            let pair = |measured: MeasuredPose<N>| {
                 let seen = Isometry3::from_parts(measured.position_m.into(), measured.rotation?);
                 Some((pose(&measured.q)?, seen))
             };
-            let pairs: Vec<_> = poses.iter().filter_map(pair).collect();
+            let pairs: Vec<_> = taken_back(mistake, poses).into_iter().filter_map(pair).collect();
             // Rows that are grossly wrong would turn the frames.
             let places: Vec<_> =
                 pairs.iter().map(|(of_file, seen)| (of_file.translation.vector, seen.translation.vector)).collect();
@@ -100,11 +100,21 @@ impl Mistake {
     }
 }
 
-/// A pose without a mistake.
-fn taken_back<const N: usize>(mistake: Option<Mistake>, pose: &MeasuredPose<N>) -> MeasuredPose<N> {
-    let mut pose = pose.clone();
+/// Poses without a mistake.
+fn taken_back<const N: usize>(mistake: Option<Mistake>, poses: &[MeasuredPose<N>]) -> Vec<MeasuredPose<N>> {
+    if let Some(Mistake::Moved(moved)) = mistake {
+        let pairs = moved.pairs(poses);
+        return pairs.map(|(set, measured)| MeasuredPose { q: set.q, ..measured.clone() }).collect();
+    }
+    let mut poses = poses.to_vec();
+    poses.iter_mut().for_each(|pose| take_back(mistake, pose));
+    poses
+}
+
+/// Mends a pose by itself.
+fn take_back<const N: usize>(mistake: Option<Mistake>, pose: &mut MeasuredPose<N>) {
     match mistake {
-        None => {}
+        None | Some(Mistake::Moved(_)) => {}
         Some(Mistake::Negated(axis)) => pose.q.iter_mut().skip(axis).take(1).for_each(|q| *q = -*q),
         Some(Mistake::Swapped(one, other)) => pose.q.swap(one, other),
         // Of a frame that is anywhere each reflection is the same.
@@ -118,7 +128,6 @@ fn taken_back<const N: usize>(mistake: Option<Mistake>, pose: &MeasuredPose<N>) 
         }
         Some(Mistake::Inverted) => pose.rotation = pose.rotation.map(|rotation| rotation.inverse()),
     }
-    pose
 }
 
 impl fmt::Display for Mistake {
@@ -134,6 +143,7 @@ impl fmt::Display for Mistake {
             Self::Inverted => f.write_str(
                 "columns rot_w, rot_x, rot_y, rot_z: are the inverse rotations; negate rot_x, rot_y, rot_z",
             ),
+            Self::Moved(moved) => write!(f, "columns x_m, y_m, z_m: {moved}"),
             Self::Mirrored => f.write_str(
                 "columns x_m, y_m, z_m: are in a left-handed frame; one of them has the wrong sign, or two of them are in the place of each other",
             ),

@@ -5,13 +5,15 @@ mod start;
 use gantry_tau_core::model::f1::{AXES, Geometry};
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::{ARMS, LINKS};
-use nalgebra::{Isometry3, Matrix6, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix6, UnitQuaternion, Vector3};
 
 use super::along::turn_along;
 use super::columns::Mistake;
 use super::expected::Expected;
 use super::shape::Shape;
-use super::{CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, check_shape, rows};
+use super::{
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, check_shape, moved, rows,
+};
 use crate::geometry::agreement::{left_out_rms_m, rms_m};
 use crate::geometry::answer::{F1Machine, InRobotFrame, Target};
 use crate::geometry::f1::{Diagnostic, KEPT, OBSERVABLE, PARAMETERS, Poses, parameters, seen_by, unseen};
@@ -52,14 +54,14 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     }
     let (frames, agreement) = best_start(&pairs(robot, &measured.poses), target_m, &model, &file)
         .map_err(|reason| CalibrateError::NoStart { table: table.clone(), reason })?;
-    let moved = model
+    let in_frame = model
         .in_frame_of(&agreement, &file, &robot.home_m(), target_m)
         .map_err(|reason| CalibrateError::Prediction { table: table.clone(), reason: reason.to_string() })?;
-    options.frame.check(base.as_ref(), &moved.frames.device)?;
+    options.frame.check(base.as_ref(), &in_frame.frames.device)?;
     let placed = match (&options.frame, base) {
-        (FrameOption::Measured, _) => moved.in_device_frame(&agreement, &file),
-        (_, Some(device)) => moved.in_known_frame(&agreement, &file, device),
-        (_, None) => moved.clone(),
+        (FrameOption::Measured, _) => in_frame.in_device_frame(&agreement, &file),
+        (_, Some(device)) => in_frame.in_known_frame(&agreement, &file, device),
+        (_, None) => in_frame.clone(),
     };
     let state = &agreement.fit.state;
     let used = agreement.used(measured.poses.len());
@@ -69,6 +71,9 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
     let (rotation_target, translation_target_m) = rows(&placed.frames.target);
     let target = Some(Target { rotation_target, translation_target_m });
     let diagnostics = model.diagnostics(&agreement);
+    let device = moved::doubt(&measured.poses, &used, &agreement.fit.rows, |motion| {
+        DMatrix::from_column_slice(6, 6, (model.whitening * motion).as_slice())
+    });
     let found = Found {
         model: "f1",
         agreement: &agreement,
@@ -83,17 +88,17 @@ pub fn calibrate_f1(robot: &RobotFile<F1, AXES>, options: &CalibrateOptions) -> 
         left_out_rms_m: left_out_rms_m(&model, &agreement),
         expected: Expected::over(robot, |stands| {
             let stands: Vec<_> = stands.iter().map(|(q, tool_m)| (*q, Pose::at(*tool_m))).collect();
-            moved.predicted_rms_m(&agreement, &stands)
+            in_frame.predicted_rms_m(&agreement, &stands)
         }),
         residuals: model.residuals(state, &agreement.outliers),
         remarks: remarks(&diagnostics),
         diagnostics,
-        doubts: Vec::new(),
+        doubts: device.into_iter().collect(),
     };
     found.calibration(&measured, options, |text| {
         write_geometry(text, &machine(&placed.geometry));
         if options.frame == FrameOption::Measured {
-            turn_along(text, robot, &moved.frames.device);
+            turn_along(text, robot, &in_frame.frames.device);
         }
     })
 }

@@ -12,7 +12,8 @@ use super::columns::Mistake;
 use super::expected::Expected;
 use super::shape::Shape;
 use super::{
-    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, check_shape, mirror, rows,
+    CalibrateError, CalibrateOptions, Calibration, Found, FrameOption, GuidewaysOption, check_shape, mirror, moved,
+    rows,
 };
 use crate::fit::goodness::LEAST_P;
 use crate::fit::least_squares::FitError;
@@ -47,7 +48,12 @@ pub fn calibrate_l2(robot: &RobotFile<L2, AXES>, options: &CalibrateOptions) -> 
     let free = fit_free(&file, &places, &measured.table)?;
     let used = free.used(measured.poses.len());
     let guideways = Guideways::of(&free, &places);
-    let doubts = turned_platform(&measured).into_iter().chain(guideways.doubt(options.guideways)).collect();
+    let device = moved::doubt(&measured.poses, &used, &free.fit.rows, |motion| {
+        let place = places.whitening * motion.fixed_rows::<3>(0);
+        DMatrix::from_column_slice(3, 6, place.as_slice())
+    });
+    let doubts =
+        turned_platform(&measured).into_iter().chain(guideways.doubt(options.guideways)).chain(device).collect();
     let remarks = guideways.remark(options.guideways).into_iter().collect();
     let Fitted { agreement, covariance, names, values, left_out_rms_m } = match options.guideways {
         GuidewaysOption::Free => Fitted::free(free, &places),

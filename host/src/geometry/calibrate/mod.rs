@@ -7,6 +7,7 @@ mod expected;
 pub(crate) mod f1;
 pub(crate) mod l2;
 mod mirror;
+mod moved;
 mod report;
 mod shape;
 

@@ -188,7 +188,7 @@ const fn mistakes<const N: usize>() -> [Mistake<N>; 31] {
             bench.campaign.windows.iter_mut().for_each(|window| window.readings_m.swap(one, (one + by) % count));
             None
         }),
-        Mistake("readings a row late", "", |bench, _| late(bench)),
+        Mistake("readings a row late", "these columns stand a row later than the others", |bench, _| late(bench)),
         Mistake("a gauge stuck", "stands still", |bench, random| stuck(bench, random, 0.0)),
         Mistake("a gauge stuck, 0.1 um", "measure them again", |bench, random| stuck(bench, random, 1e-7)),
         Mistake("a gauge stuck, 0.5 um", "", |bench, random| stuck(bench, random, 5e-7)),
@@ -293,6 +293,16 @@ fn campaigns_without_a_mistake_are_accused_of_nothing() {
     for kind in &KINDS {
         assert_accused_of_nothing(kind.name, |seed| measured(kind, &mut seeded(seed)));
     }
+    // A tare at the beginning of a series reads zero, and so does what was typed at its end.
+    assert_accused_of_nothing("series that begin and end with a load of zero", |seed| {
+        let (mut bench, truth) = good(campaign_a(FINE), seed);
+        for series in bench.campaign.windows.chunk_by_mut(|one, other| one.series == other.series) {
+            for end in [0, series.len() - 1] {
+                series[end].load.fill(0.0);
+            }
+        }
+        (bench, truth)
+    });
     // Readings and loads as coarse instruments show them.
     for resolution_um in [0.1_f64, 0.5, 1.0] {
         assert_accused_of_nothing(&format!("a resolution of {resolution_um} um"), |seed| {

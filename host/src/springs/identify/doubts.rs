@@ -1,5 +1,6 @@
 //! Reasons to look at an identification again, and not to trust it as it is.
 
+use gantry_tau_core::model::robot::ARMS;
 use nalgebra::DMatrix;
 
 use super::answer::Answer;
@@ -17,6 +18,7 @@ use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use crate::springs::agreement::{Agreement, deviations};
 use crate::springs::decision::unobservable;
+use crate::springs::gauge::Gauge;
 use crate::springs::preload::Preload;
 
 /// Largest share of readings that may be left out.
@@ -97,7 +99,8 @@ impl<const N: usize> Found<'_, N> {
         let names = self.names(&repeats.standing_out);
         (!names.is_empty()).then(|| {
             let names = names.join(", ");
-            format!("gauge {names}: what it shows at a level deviates by more than repeats do; try another place on the cart [T 6.1]")
+            let place = self.another_place(&repeats.standing_out);
+            format!("gauge {names}: what it shows at a level deviates by more than repeats do{place}")
         })
     }
 
@@ -110,8 +113,9 @@ impl<const N: usize> Found<'_, N> {
         let mut doubts = Vec::new();
         if !self.intervals.is_scaled {
             let too_large = goodness::too_large(answer.chi2, answer.dof).map(|said| {
-                let largest = self.largest_contributors().join(", ");
-                format!("{said}, most of it from {largest}; another place on the cart may help [T 6.1]")
+                let largest = self.largest_contributors();
+                let gauges: Vec<usize> = largest.iter().map(|(_, gauge)| *gauge).collect();
+                format!("{said}, most of it from {}{}", self.listed(&largest), self.another_place(&gauges))
             });
             doubts.extend(too_large.or_else(|| goodness::too_small(answer.chi2, answer.dof)));
         }
@@ -128,11 +132,11 @@ impl<const N: usize> Found<'_, N> {
         // Of scaled noise chi-squared says nothing; repeats do.
         if let Some(repeats) = self.repeats.as_ref().filter(|repeats| self.intervals.is_scaled && repeats.p() < LEAST_P)
         {
-            let largest = self.largest_contributors().join(", ");
             doubts.push(format!(
-                "the model is wrong: it leaves {:.1} times the variance of repeats (lack of fit, p = {:.1e}), most of it from {largest}",
+                "the model is wrong: it leaves {:.1} times the variance of repeats (lack of fit, p = {:.1e}), most of it from {}",
                 repeats.f(),
-                repeats.p()
+                repeats.p(),
+                self.listed(&self.largest_contributors())
             ));
         }
         doubts.extend(self.not_positive.iter().map(|spring| self.not_measured(spring)));
@@ -166,8 +170,22 @@ impl<const N: usize> Found<'_, N> {
         })
     }
 
-    /// Names of the three series and gauges with the largest residuals.
-    fn largest_contributors(&self) -> Vec<String> {
+    /// Advice of `[T 6.1]`, if one of these gauges is on a cart.
+    fn another_place(&self, gauges: &[usize]) -> &'static str {
+        let is_on_cart = |gauge: &usize| matches!(self.question.campaign.gauges[*gauge].gauge, Gauge::Axis { axis, .. } if axis < ARMS);
+        if gauges.iter().any(is_on_cart) { "; another place on the cart may help [T 6.1]" } else { "" }
+    }
+
+    fn listed(&self, of_series: &[(usize, usize)]) -> String {
+        let campaign = self.question.campaign;
+        let named = |(series, gauge): &(usize, usize)| {
+            format!("gauge {} in series {}", campaign.gauges[*gauge].name, campaign.series[*series])
+        };
+        of_series.iter().map(named).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The three series and gauges with the largest residuals.
+    fn largest_contributors(&self) -> Vec<(usize, usize)> {
         let campaign = self.question.campaign;
         let deviations = deviations(&self.question, &self.agreement.choice, &self.agreement.solved);
         let mut sums = DMatrix::zeros(campaign.series.len(), campaign.gauges.len());
@@ -182,10 +200,7 @@ impl<const N: usize> Found<'_, N> {
             .map(|(series, gauge)| (sums[(series, gauge)], series, gauge))
             .collect();
         all.sort_by(|(one, ..), (other, ..)| other.total_cmp(one));
-        let named = |(_, series, gauge): &(f64, usize, usize)| {
-            format!("gauge {} in series {}", campaign.gauges[*gauge].name, campaign.series[*series])
-        };
-        all.iter().take(3).map(named).collect()
+        all.into_iter().take(3).map(|(_, series, gauge)| (series, gauge)).collect()
     }
 }
 

@@ -10,6 +10,7 @@ use nalgebra::Matrix6;
 
 use crate::measurements::FileError;
 use crate::measurements::mistaken_columns::{ALL, MistakenColumns, SWAPPED};
+use crate::measurements::moved_rows::MovedRows;
 use crate::measurements::springs::{Campaign, LOAD, Window};
 use crate::springs::choice::Choice;
 use crate::springs::decision::check_positive;
@@ -51,6 +52,8 @@ enum Change {
         factor: f64,
     },
     SwapGauges(usize, usize),
+    /// The readings of a row belong to the load of another one.
+    MoveReadings(MovedRows),
 }
 
 /// Change that mends a table, and the sentence for it.
@@ -76,13 +79,22 @@ impl Mistake {
             pairs.map(move |(one, other)| Self { change: Change::SwapGauges(one, other), reason: SWAPPED.to_owned() });
         let reversed = "the wrench has the wrong sign: it is the load on the platform, not what the platform pulls with; negate these columns";
         let wrench = iter::once(MistakenColumns::scaled(&ALL, -1.0, reversed)).chain(MistakenColumns::all());
-        wrench.map(load).chain((0..gauges).map(gauge)).chain(pairs)
+        let rows = MovedRows::ALL
+            .map(|moved| Self { change: Change::MoveReadings(moved), reason: format!("these columns {moved}") });
+        wrench.map(load).chain((0..gauges).map(gauge)).chain(pairs).chain(rows)
     }
 
     fn taken_back<const N: usize>(&self, campaign: &Campaign<N>) -> Campaign<N> {
         let mut campaign = campaign.clone();
+        if let Change::MoveReadings(moved) = &self.change {
+            let of_row =
+                |(set, read): (&Window<N>, &Window<N>)| Window { readings_m: read.readings_m.clone(), ..set.clone() };
+            let windows = moved.pairs(&campaign.windows).map(of_row).collect();
+            campaign.windows = windows;
+        }
         for window in &mut campaign.windows {
             match &self.change {
+                Change::MoveReadings(_) => {}
                 Change::Load { mended, .. } => window.load = **mended * window.load,
                 Change::Gauge { gauge, factor } => {
                     window.readings_m[*gauge] = window.readings_m[*gauge].map(|reading| reading * factor);
@@ -100,6 +112,9 @@ impl Mistake {
             Change::Gauge { gauge, .. } => gauge_has_signal(question.campaign, *gauge),
             Change::SwapGauges(one, other) => {
                 [*one, *other].iter().any(|gauge| gauge_has_signal(question.campaign, *gauge))
+            }
+            Change::MoveReadings(_) => {
+                (0..question.campaign.gauges.len()).any(|gauge| gauge_has_signal(question.campaign, gauge))
             }
         }
     }
@@ -119,6 +134,7 @@ impl Mistake {
             Change::Load { columns, .. } => (columns.iter().map(load).collect(), None),
             Change::Gauge { gauge: read, .. } => (vec![gauge(read)], Some(*read)),
             Change::SwapGauges(one, other) => ([one, other].map(gauge).into(), Some(*one)),
+            Change::MoveReadings(_) => ((0..campaign.gauges.len()).map(|each| gauge(&each)).collect(), None),
         };
         let is_read = |window: &&Window<N>| read.is_none_or(|gauge| window.readings_m[gauge].is_some());
         Some(campaign.error(campaign.windows.iter().find(is_read)?, &names.join(", "), &self.reason))

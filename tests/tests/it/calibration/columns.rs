@@ -1,5 +1,7 @@
 //! Columns of an F1's poses, points of its base and tables that are not what they should be: named, with what to do.
 
+use std::cell::RefCell;
+
 use super::*;
 
 /// Error of a calibration of an F1 after a change of each row of its table.
@@ -33,6 +35,17 @@ fn quaternions_and_plates_that_are_not_what_their_names_say_are_named() {
         let said = refused("f1-columns", &change).unwrap_err();
         assert!(said.contains(words), "{said}");
     }
+    let last = RefCell::new(None);
+    let late = |row: &mut Vec<f64>| {
+        let own = row.split_off(6);
+        let first = [[1.0; 3].as_slice(), &own[3..]].concat();
+        row.extend(last.replace(Some(own)).unwrap_or(first));
+    };
+    let said = refused("f1-columns", &late).unwrap_err();
+    assert!(
+        said.ends_with("columns x_m, y_m, z_m: stand a row later than the others; move them up by a row"),
+        "{said}"
+    );
     let rounded = |row: &mut Vec<f64>| {
         row[rotation.clone()].iter_mut().for_each(|part| *part = (*part * 1e4).round() / 1e4);
     };

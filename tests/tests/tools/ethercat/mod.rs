@@ -19,7 +19,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use gantry_tau::ethercat::{EmulatedBus, EthercatPlant, Machine, emulated_bus};
 use gantry_tau::plant::{Plant, PlantError, ToolReading};
@@ -38,6 +38,7 @@ use serde_json::{Value, json};
 const IN_NAMESPACE: &str = "GANTRY_TAU_TEST_NAMESPACE";
 /// Ends of the cable.
 const ENDS: [&str; 2] = ["ec0", "ec1"];
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -101,6 +102,16 @@ fn connect() {
     // Loopback is down in a new namespace.
     for end in ENDS.into_iter().chain(["lo"]) {
         ip(&["link", "set", end, "up"]);
+    }
+    ENDS.into_iter().for_each(|end| await_carrier(end, true));
+}
+
+/// Waits until the kernel says that an end has a carrier, or none, as it does some time after a change.
+fn await_carrier(end: &str, is_there: bool) {
+    let began = Instant::now();
+    while check_link(end).is_ok() != is_there {
+        assert!(began.elapsed() < PATIENCE, "carrier of {end}: {:?}", check_link(end));
+        std::thread::sleep(Duration::from_millis(10));
     }
 }
 
@@ -229,6 +240,7 @@ fn link_is_named() {
     });
     // The cable is pulled out at its far end.
     ip(&["link", "set", ENDS[1], "down"]);
+    await_carrier(ENDS[0], false);
     let no_carrier =
         "the network interface ec0 has no carrier: its cable is out, or the drive at the other end has no power";
     // On a busy machine the far end may have been late before.

@@ -1,0 +1,84 @@
+//! A device, or a machine, that was moved between two poses: all places from there on lie elsewhere, by one rigid motion. It is fitted along with the
+//! parameters before each pose, and judged.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
+
+use crate::fit::goodness::{LEAST_P, said};
+use crate::fit::least_squares::{Rows, eliminated, solve};
+use crate::fit::statistics::{chi_squared_above, f_above, float};
+use crate::geometry::MeasuredPose;
+
+/// Components of a motion: shift, turn.
+const MOTION: usize = 6;
+/// Smallest number of poses on either side.
+const LEAST_POSES: usize = 4;
+
+/// A motion.
+struct Moved {
+    /// Place of the first pose after it, among those that were used.
+    first: usize,
+    /// Shift of the middle of the places, m; turn, rad.
+    motion: DVector<f64>,
+    /// Probability of such a motion, or of a larger one, where there is none before any pose.
+    p: f64,
+}
+
+/// Says if the poses that were `used`, in their order, show a motion of the device; `rows` are those of the fit, and `whitened` are the rows of a pose
+/// that is moved by the columns of a matrix: place, rotation vector.
+pub(super) fn doubt<const N: usize>(
+    measured: &[MeasuredPose<N>],
+    used: &[usize],
+    rows: &Rows,
+    whitened: impl Fn(&Matrix6<f64>) -> DMatrix<f64>,
+) -> Option<String> {
+    let middle_m = used.iter().map(|index| measured[*index].position_m).sum::<Vector3<f64>>() / float(used.len());
+    let motion = |index: &usize| whitened(&motion_about(&(measured[*index].position_m - middle_m)));
+    let motions: Vec<_> = used.iter().map(motion).collect();
+    let Moved { first, motion, p } = find(rows, &motions).filter(|moved| moved.p < LEAST_P)?;
+    let (shift_m, turn_rad) = (motion.rows(0, 3).norm(), motion.rows(3, 3).norm());
+    Some(format!(
+        "from pose {} on the places lie {:.0} um and {:.0} urad away from those before it ({}): the device or the machine was moved; measure the poses without that, or those on one side of it alone",
+        measured[used[first]].name,
+        shift_m * 1e6,
+        turn_rad * 1e6,
+        said(p)
+    ))
+}
+
+/// Change of place and rotation vector of a pose by a shift and a turn about a point, `lever_m` before it.
+fn motion_about(lever_m: &Vector3<f64>) -> Matrix6<f64> {
+    let mut motion = Matrix6::identity();
+    let by_turn: Matrix3<f64> = -lever_m.cross_matrix();
+    motion.fixed_view_mut::<3, 3>(0, 3).copy_from(&by_turn);
+    motion
+}
+
+/// The most telling motion; `motions` has the rows of each pose, the columns of a motion.
+fn find(rows: &Rows, motions: &[DMatrix<f64>]) -> Option<Moved> {
+    let firsts: Vec<usize> = (LEAST_POSES..(motions.len() + 1).saturating_sub(LEAST_POSES)).collect();
+    let width = MOTION * firsts.len();
+    let mut whole = DMatrix::zeros(rows.degrees(), width + 1);
+    whole.set_column(width, &rows.residuals);
+    let mut row = 0;
+    for (pose, motion) in motions.iter().enumerate() {
+        for (place, _) in firsts.iter().enumerate().filter(|(_, first)| pose >= **first) {
+            whole.view_mut((row, MOTION * place), motion.shape()).copy_from(motion);
+        }
+        row += motion.nrows();
+    }
+    let left = eliminated(rows.derivatives.clone(), whole);
+    let residuals = left.column(width).into_owned();
+    let judged = |(place, first): (usize, &usize)| {
+        let columns = left.columns(MOTION * place, MOTION).into_owned();
+        let (motion, rank) = solve(columns.clone(), residuals.clone());
+        let unexplained = (&residuals - columns * &motion).norm_squared();
+        let degrees = residuals.len().checked_sub(rank).filter(|degrees| rank > 0 && *degrees > 0)?;
+        let explained = residuals.norm_squared() - unexplained;
+        let ratio = (explained / float(rank)) / (unexplained.max(f64::MIN_POSITIVE) / float(degrees));
+        // It must be rare by the residuals and by the stated noise. The most telling of several is not as rare as one alone.
+        let p = f_above(ratio, rank, degrees).max(chi_squared_above(explained, rank));
+        let p = (p * float(firsts.len())).min(1.0);
+        Some(Moved { first: *first, motion, p })
+    };
+    firsts.iter().enumerate().filter_map(judged).min_by(|one, other| one.p.total_cmp(&other.p))
+}
