@@ -94,8 +94,9 @@ impl<const N: usize> Question<'_, N> {
             let mended: Vec<_> = moved.pairs(self.readings).map(of_row).collect();
             Some((self.explained(&mended)?, (LOAD.join(", "), format!("these columns {moved}"))))
         };
-        let all = MistakenColumns::all().filter_map(of_columns);
-        simplest(all.chain(MovedRows::ALL.into_iter().filter_map(of_rows)), LEAST_GAIN)
+        // Few readings are explained without one of them, in any order.
+        let moved = MovedRows::ALL.into_iter().filter(|_| self.readings.len() >= LEAST_READINGS);
+        simplest(MistakenColumns::all().filter_map(of_columns).chain(moved.filter_map(of_rows)), LEAST_GAIN)
     }
 
     /// The one reading without which a tool explains the others.

@@ -110,7 +110,7 @@ fn a_correction_that_is_cut_is_told_and_counted() {
     assert_eq!(number("of their own, "), cut, "{said}");
     // Every State of the session, and the one that acknowledges the Goodbye.
     let told =
-        rows(&folder).iter().filter(|(state, _)| ["Handshake", "Submit", "Obtain"].contains(&state.as_str())).count();
+        rows(&folder).iter().filter(|row| ["Handshake", "Submit", "Obtain"].contains(&row.state.as_str())).count();
     assert_eq!(number("left with Goodbye after "), told + 1, "{said}");
     // 60 N ask for (-38, -48, -30) um: more on two axes, bits 0 and 1.
     assert!(csv.lines().any(|line| line.ends_with(",3")), "{:?}", csv.lines().last());

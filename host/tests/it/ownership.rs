@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use crate::process::{Ended, Folder, Running};
-use crate::signals::{await_obtain, client, rows, serve, serve_typed};
+use crate::signals::{Recorded, await_obtain, client, rows, serve, serve_typed};
 
 const FREE: [&str; 4] = ["--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"];
 /// Epochs that a start gives away.
@@ -105,8 +105,8 @@ fn a_second_server_of_anything_is_refused_and_the_first_does_not_miss_a_tick() {
 }
 
 /// One grant, no miss, no stop: Obtain until the client left.
-fn assert_first_missed_nothing(folder: &Folder, rows: &[(String, [i64; 3])]) {
-    let mut phases: Vec<&str> = rows.iter().map(|(phase, _)| phase.as_str()).collect();
+fn assert_first_missed_nothing(folder: &Folder, rows: &[Recorded]) {
+    let mut phases: Vec<&str> = rows.iter().map(|row| row.state.as_str()).collect();
     phases.dedup();
     let seen: Vec<&str> = phases.into_iter().skip_while(|phase| *phase != "Submit").collect();
     assert_eq!(seen[..3], ["Submit", "Obtain", "SafeDisconnect"], "{seen:?}");

@@ -4,7 +4,6 @@ mod columns;
 mod gross;
 mod moved;
 
-use std::cell::RefCell;
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -330,44 +329,6 @@ fn wrong_files_are_refused_by_line_and_column() {
     let options = options(&setup, "f1");
     let error = calibrate_f1(&RobotFile::builtin_f1().unwrap(), &options).unwrap_err().to_string();
     assert!(error.contains("rot_w: an F1 needs orientations"), "{error}");
-}
-
-/// A column with the wrong sign, two of them swapped, a left-handed frame, places a row late: named, and how to mend it.
-#[test]
-fn columns_that_are_not_what_their_names_say_are_named() {
-    let mut draw = Draw(Noise::new(11));
-    let machine = true_machine(&mut draw);
-    let seen = positions(&mut draw, 20);
-    let folder = folder("columns");
-    let setup = measure(&folder, &machine, &seen, &mut draw);
-    let good = fs::read_to_string(folder.join("poses.csv")).unwrap();
-    let with = |edit: &dyn Fn(&mut [String])| {
-        let rows = good.lines().enumerate().map(|(row, line)| {
-            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-            if row > 0 {
-                edit(&mut cells);
-            }
-            cells.join(",") + "\n"
-        });
-        fs::write(folder.join("poses.csv"), rows.collect::<String>()).unwrap();
-        calibrate(&setup).map(|_| ()).map_err(|error| error.to_string())
-    };
-    let negated = |cell: &mut String| *cell = (-cell.parse::<f64>().unwrap()).to_string();
-    assert_eq!(with(&|_| ()), Ok(()));
-    let expected = "poses.csv: column q_2: has the wrong sign; negate q_2";
-    assert!(with(&|row| negated(&mut row[2])).unwrap_err().ends_with(expected));
-    let expected = "poses.csv: columns q_1, q_3: are in the place of each other; swap them";
-    assert!(with(&|row| row.swap(1, 3)).unwrap_err().ends_with(expected));
-    for mirrored in [with(&|row| negated(&mut row[5])), with(&|row| row.swap(4, 5))] {
-        assert!(mirrored.unwrap_err().contains("poses.csv: columns x_m, y_m, z_m: are in a left-handed frame"));
-    }
-    let last = RefCell::new(None);
-    let late = with(&|row| {
-        let place = [row[4].clone(), row[5].clone(), row[6].clone()];
-        row[4..7].clone_from_slice(&last.replace(Some(place)).unwrap_or(["1.0", "1.0", "1.0"].map(str::to_owned)));
-    });
-    let expected = "poses.csv: columns x_m, y_m, z_m: stand a row later than the others; move them up by a row";
-    assert!(late.as_ref().is_err_and(|error| error.ends_with(expected)), "{late:?}");
 }
 
 /// Near the end of the reach the machine of the file cannot stand where the real one does.

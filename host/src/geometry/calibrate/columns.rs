@@ -103,8 +103,7 @@ impl Mistake {
 /// Poses without a mistake.
 fn taken_back<const N: usize>(mistake: Option<Mistake>, poses: &[MeasuredPose<N>]) -> Vec<MeasuredPose<N>> {
     if let Some(Mistake::Moved(moved)) = mistake {
-        let pairs = moved.pairs(poses);
-        return pairs.map(|(set, measured)| MeasuredPose { q: set.q, ..measured.clone() }).collect();
+        return moved.pairs(poses).map(|(set, measured)| MeasuredPose { q: set.q, ..measured.clone() }).collect();
     }
     let mut poses = poses.to_vec();
     poses.iter_mut().for_each(|pose| take_back(mistake, pose));

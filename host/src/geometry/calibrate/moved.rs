@@ -82,3 +82,23 @@ fn find(rows: &Rows, motions: &[DMatrix<f64>]) -> Option<Moved> {
     };
     firsts.iter().enumerate().filter_map(judged).min_by(|one, other| one.p.total_cmp(&other.p))
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation3, Vector6};
+
+    use super::*;
+
+    #[test]
+    fn a_motion_turns_about_the_middle() {
+        let (lever_m, turn) = (Vector3::new(0.4, -0.7, 1.1), Vector3::new(2e-6, 1e-6, -3e-6));
+        let shift_m = Vector3::new(5e-6, 0.0, -2e-6);
+        let expected_m = shift_m + Rotation3::from_scaled_axis(turn) * lever_m - lever_m;
+        let motion = Vector6::from_fn(|row, _| if row < 3 { shift_m[row] } else { turn[row - 3] });
+        let moved = motion_about(&lever_m) * motion;
+        // The square of the turn is left.
+        assert!(
+            (moved.fixed_rows::<3>(0) - expected_m).amax() < 1e-11 && (moved.fixed_rows::<3>(3) - turn).amax() <= 0.0
+        );
+    }
+}

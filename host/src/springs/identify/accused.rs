@@ -387,3 +387,13 @@ fn a_spring_that_is_far_from_the_files_is_told() {
     assert!(told.len() == 1 && told.concat().starts_with("c_act[5] is "), "{told:?}");
     assert_eq!([found.uneven(), found.quiet()].concat(), [""; 0]);
 }
+
+/// The advice of `[T 6.1]` is about gauges on carts: not about those on the platform, nor on plates.
+#[test]
+fn another_place_is_advised_for_gauges_on_carts() {
+    let (bench, _) = good(f1(), 0);
+    let found = find(bench.question(), &options()).unwrap();
+    let advised = (0..bench.campaign.gauges.len()).filter(|gauge| !found.another_place(&[*gauge]).is_empty());
+    let names: Vec<String> = advised.map(|gauge| gauge_name(&bench, gauge)).collect();
+    assert_eq!(names, ["axis1", "axis2", "axis3"]);
+}

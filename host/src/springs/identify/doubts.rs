@@ -171,7 +171,7 @@ impl<const N: usize> Found<'_, N> {
     }
 
     /// Advice of `[T 6.1]`, if one of these gauges is on a cart.
-    fn another_place(&self, gauges: &[usize]) -> &'static str {
+    pub(super) fn another_place(&self, gauges: &[usize]) -> &'static str {
         let is_on_cart = |gauge: &usize| matches!(self.question.campaign.gauges[*gauge].gauge, Gauge::Axis { axis, .. } if axis < ARMS);
         if gauges.iter().any(is_on_cart) { "; another place on the cart may help [T 6.1]" } else { "" }
     }

@@ -89,8 +89,7 @@ impl Mistake {
         if let Change::MoveReadings(moved) = &self.change {
             let of_row =
                 |(set, read): (&Window<N>, &Window<N>)| Window { readings_m: read.readings_m.clone(), ..set.clone() };
-            let windows = moved.pairs(&campaign.windows).map(of_row).collect();
-            campaign.windows = windows;
+            campaign.windows = moved.pairs(&campaign.windows).map(of_row).collect();
         }
         for window in &mut campaign.windows {
             match &self.change {

@@ -33,7 +33,7 @@ fn in_the_middle_of_a_server() {
     fill_disks(&server, true);
     bench.await_more(from);
     server.write("stop\n");
-    bench.await_that("the end of the ramp", || bench.rows().last().is_some_and(|row| row.1 == [0; 3]));
+    bench.await_that("the end of the ramp", || bench.rows().last().is_some_and(|row| row.offsets_nm == [0; 3]));
     monitor.await_words("Fault");
     assert_eq!(code(owner), Some(6));
     assert!(bench.has_lost_rows(), "a reader that comes later is told");

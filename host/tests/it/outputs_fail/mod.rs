@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::process::{BINARY, Folder, Running, Streams, relay_paced};
-use crate::signals::rows;
+use crate::signals::{Recorded, rows};
 
 /// Longest wait for anything.
 const DEADLINE: Duration = Duration::from_secs(180);
@@ -108,7 +108,7 @@ impl Bench {
         self.await_that("an offset in force", || {
             let rows = self.rows();
             count = rows.len();
-            rows.iter().any(|(state, offsets)| state == "Obtain" && offsets.iter().any(|nm| nm.abs() > SOME_NM))
+            rows.iter().any(|row| row.state == "Obtain" && row.offsets_nm.iter().any(|nm| nm.abs() > SOME_NM))
         });
         count
     }
@@ -116,7 +116,7 @@ impl Bench {
     /// Waits until the session has gone on for some more rows in Obtain.
     fn await_more(&self, from: usize) {
         self.await_that("a session that goes on", || {
-            self.rows().iter().skip(from).filter(|(state, _)| state == "Obtain").count() > 300
+            self.rows().iter().skip(from).filter(|row| row.state == "Obtain").count() > 300
         });
     }
 
@@ -127,7 +127,7 @@ impl Bench {
         line["rows_lost"].as_bool().unwrap()
     }
 
-    fn rows(&self) -> Vec<(String, [i64; 3])> {
+    fn rows(&self) -> Vec<Recorded> {
         if self.folder.path("serve.csv").exists() { rows(&self.folder) } else { Vec::new() }
     }
 
@@ -135,11 +135,11 @@ impl Bench {
     fn assert_ramped(&self) {
         let rows = self.rows();
         crate::signals::assert_no_jump(&rows);
-        assert_eq!(rows.last().unwrap().1, [0; 3], "{}", self.said());
-        let last = rows.iter().rposition(|(state, _)| state == "Obtain").unwrap();
-        let left = rows[last].1.iter().map(|nm| nm.unsigned_abs()).max().unwrap();
-        let ramp = rows[last..].iter().position(|(_, offsets)| *offsets == [0; 3]).unwrap();
-        assert_eq!(u64::try_from(ramp).unwrap(), left.div_ceil(100));
+        assert_eq!(rows.last().unwrap().offsets_nm, [0; 3], "{}", self.said());
+        let last = rows.iter().rposition(|row| row.state == "Obtain").unwrap();
+        let left = rows[last].offsets_nm.iter().map(|nm| nm.unsigned_abs()).max().unwrap();
+        let zero = rows[last..].iter().find(|row| row.offsets_nm == [0; 3]).unwrap();
+        assert_eq!(u64::try_from(zero.tick - rows[last].tick).unwrap(), left.div_ceil(100));
     }
 }
 
