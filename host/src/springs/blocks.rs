@@ -76,7 +76,7 @@ struct Columns {
 }
 
 impl Blocks {
-    /// Whitens and eliminates. `extras`: windows whose derivative by the play is carried along, each as a column of its own.
+    /// Whitens and eliminates. `extras`: columns that are carried along, for each window a row per row of its lines; empty: none.
     ///
     /// `None` where a covariance is not positive, which a checked campaign has not.
     pub(crate) fn new<const N: usize>(
@@ -84,14 +84,14 @@ impl Blocks {
         choice: &Choice,
         lines: &[Lines],
         setup: &DVector<f64>,
-        extras: &[usize],
+        extras: &[DMatrix<f64>],
     ) -> Option<Self> {
         let constants = &question.setup;
         let columns = Columns {
             parameters: lines.first()?.springs.ncols() + choice.besides_springs(),
             mounting: constants.per_mounting(),
             sensor: constants.of_sensor(),
-            extras: extras.len(),
+            extras: extras.first().map_or(0, DMatrix::ncols),
         };
         let count = question.campaign.series.len();
         let series: Option<Vec<Series>> =
@@ -206,7 +206,7 @@ impl Series {
         lines: &[Lines],
         index: usize,
         columns: Columns,
-        extras: &[usize],
+        extras: &[DMatrix<f64>],
     ) -> Option<Self> {
         let campaign = question.campaign;
         let load_variances = question.load_variances();
@@ -236,7 +236,7 @@ impl Series {
         let mut first = 0;
         for (window, zeros) in windows.iter().zip(&zeros) {
             let lines = &lines[window.line];
-            let rest = rest(question, choice, lines, columns, extras).select_rows(&window.used);
+            let rest = rest(question, choice, lines, columns, extras.get(window.line)).select_rows(&window.used);
             let mut unknowns = DMatrix::zeros(window.used.len(), level.unknowns.ncols());
             for (place, row) in window.used.iter().enumerate() {
                 for (column, share) in &zeros[*row] {
@@ -301,7 +301,7 @@ fn rest<const N: usize>(
     choice: &Choice,
     lines: &Lines,
     columns: Columns,
-    extras: &[usize],
+    extras: Option<&DMatrix<f64>>,
 ) -> DMatrix<f64> {
     let rows = lines.gauges.len();
     let mut rest = DMatrix::zeros(rows, columns.parameters + columns.mounting + columns.sensor + 1 + columns.extras);
@@ -326,8 +326,8 @@ fn rest<const N: usize>(
     rest.columns_mut(columns.parameters + columns.mounting, columns.sensor).copy_from(&lines.sensor);
     let constants = columns.parameters + columns.mounting + columns.sensor;
     rest.column_mut(constants).copy_from(&lines.misclosures);
-    if let Some(extra) = extras.iter().position(|window| *window == lines.window) {
-        rest.column_mut(constants + 1 + extra).copy_from(&lines.play());
+    if let Some(extras) = extras {
+        rest.columns_mut(constants + 1, columns.extras).copy_from(extras);
     }
     rest
 }

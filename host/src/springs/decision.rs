@@ -164,7 +164,20 @@ fn most_negative<const N: usize>(
     };
     if found.factor < -MOST_NEGATIVE_SD * found.sd {
         let (name, _) = question.file.names().swap_remove(found.spring);
-        return Err(SpringsError::Negative { name, factor: found.factor, sd: found.sd });
+        let gauge = shown_most(question, solved, found.spring);
+        return Err(SpringsError::Negative { name, factor: found.factor, sd: found.sd, gauge });
     }
     Ok(Some(found))
+}
+
+/// Name of the gauge whose readings show a spring most, in standard deviations of their noise.
+fn shown_most<const N: usize>(question: &Question<'_, N>, solved: &Solved<N>, spring: usize) -> String {
+    let mut shown = vec![0.0; question.campaign.gauges.len()];
+    for lines in &solved.lines {
+        for (row, gauge) in lines.gauges.iter().enumerate() {
+            shown[*gauge] += lines.springs_shown[(row, spring)].powi(2) / lines.variances[row];
+        }
+    }
+    let most = shown.iter().zip(&question.campaign.gauges).max_by(|(one, _), (other, _)| one.total_cmp(other));
+    most.map_or_else(String::new, |(_, gauge)| gauge.name.to_string())
 }

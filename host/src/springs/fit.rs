@@ -75,7 +75,7 @@ pub enum SpringsError {
     },
     /// A compliance that is negative by more than its uncertainty: the model is wrong.
     #[error(
-        "the best value of {name} would be negative, {factor:.2} +- {sd:.2} of the robot file's: the model does not fit the readings; check signs and units of gauges and forces"
+        "the best value of {name} would be negative, {factor:.2} +- {sd:.2} of the robot file's: the model does not fit the readings; check signs and units of gauges and forces, of gauge {gauge} first, which shows it most"
     )]
     Negative {
         /// Key and index of the spring.
@@ -84,6 +84,8 @@ pub enum SpringsError {
         factor: f64,
         /// Its standard deviation, in file's values.
         sd: f64,
+        /// The gauge that shows it most.
+        gauge: String,
     },
     /// It still moves.
     #[error("no convergence after {MAX_ROUNDS} rounds: the last step is {step_sd:.1e} standard deviations long")]

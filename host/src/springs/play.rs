@@ -163,7 +163,16 @@ fn best<const N: usize>(
     for lines in lines.iter_mut().filter(|lines| choice.is_crossed[lines.window]) {
         lines.misclosures += lines.play() * solved.state.elongation_m;
     }
-    let blocks = Blocks::new(question, &plain, &lines, &solved.state.setup, &extras)?;
+    // Each window's derivative by the play is a column of its own.
+    let of_window = |lines: &Lines| {
+        let mut columns = DMatrix::zeros(lines.gauges.len(), extras.len());
+        if let Some(column) = extras.iter().position(|window| *window == lines.window) {
+            columns.column_mut(column).copy_from(&lines.play());
+        }
+        columns
+    };
+    let columns: Vec<_> = lines.iter().map(of_window).collect();
+    let blocks = Blocks::new(question, &plain, &lines, &solved.state.setup, &columns)?;
     let mut together = blocks.extras.clone().insert_column(extras.len(), 0.0);
     together.set_column(extras.len(), &blocks.rows.residuals);
     let left = crate::fit::least_squares::eliminated(blocks.rows.derivatives.clone(), together);

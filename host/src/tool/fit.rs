@@ -218,6 +218,22 @@ impl FittedTool {
         DVector::from_iterator(2 * TOOL, tool.chain(self.bias.to_array()))
     }
 
+    /// Chi-squared and degrees of freedom of the forces, and of the moments: their rows, less what each part shows of the unknowns (the sum of
+    /// its leverages, rounded).
+    #[must_use]
+    pub fn parts(&self) -> [(f64, usize); 2] {
+        let Rows { residuals, derivatives } = &self.fit.rows;
+        let leverages = derivatives * self.fit.seen.half_covariance();
+        [0, 3].map(|first| {
+            let is_of_part = |row: &usize| (first..first + 3).contains(&(row % 6));
+            let rows: Vec<usize> = (0..residuals.len()).filter(is_of_part).collect();
+            let chi2 = rows.iter().map(|row| residuals[*row] * residuals[*row]).sum();
+            let leverage: f64 = rows.iter().map(|row| leverages.row(*row).norm_squared()).sum();
+            let unknowns = (0..rows.len()).filter(|count| float(*count) + 0.5 < leverage).count();
+            (chi2, rows.len() - unknowns)
+        })
+    }
+
     /// Status of a parameter by the readings.
     #[must_use]
     pub fn status(&self, parameter: usize) -> Status {

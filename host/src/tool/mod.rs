@@ -31,6 +31,9 @@ pub const FORMAT: &str = "gantry-tau tool identified 1";
 /// Standard deviations by which a weight points upwards for sure.
 const SURE_SD: f64 = 3.0;
 
+/// Largest angle between the weight and the robot file's that a good mounting of the sensor leaves, rad.
+const MOST_TILT_RAD: f64 = 0.07;
+
 /// Options of an identification.
 #[derive(Clone, Debug)]
 pub struct ToolOptions {
@@ -147,7 +150,7 @@ fn identify_with<K: MachineKind<N>, const N: usize>(
         json: serde_json::to_string_pretty(&answer).map_err(|error| ToolError::Edit(error.to_string()))?,
         robot_file: robot_file(&fitted, &measured, &options.robot)?,
         summary: summary(&fitted, &answer),
-        doubts: [doubts(&fitted, &answer), unlike.into_iter().collect()].concat(),
+        doubts: [doubts(&fitted, &answer, &mounting, &start), unlike.into_iter().collect()].concat(),
     })
 }
 
@@ -233,17 +236,66 @@ fn summary(fitted: &FittedTool, answer: &Answer) -> String {
     )
 }
 
-fn doubts(fitted: &FittedTool, answer: &Answer) -> Vec<String> {
+fn doubts(fitted: &FittedTool, answer: &Answer, mounting: &Mounting, file: &Tool) -> Vec<String> {
     let mut doubts = Vec::new();
     doubts.extend(goodness::too_large(answer.chi2, answer.dof));
-    doubts.extend(goodness::too_small(answer.chi2, answer.dof));
+    doubts.extend(too_quiet(fitted).or_else(|| goodness::too_small(answer.chi2, answer.dof)));
     let seen = Seen::new(&fitted.fit.rows, fitted.fit.seen.scales());
     let lost = Unobservable::list(&names()[..TOOL], &seen.lost());
     if fitted.fit.held.count() > 0 {
         let lost = lost.iter().map(Unobservable::to_string).collect::<Vec<_>>().join("; ");
         doubts.push(format!("not told from the bias in these poses, kept at the file's values: {lost}"));
     }
+    // A tool that does not explain the readings is none to look at.
+    if doubts.is_empty() {
+        doubts.extend(unlikely(fitted, mounting, file));
+    }
     doubts
+}
+
+/// Says what is unlikely of a tool that explains the readings: channels that show nothing explain themselves, and so does a sensor that is mounted
+/// otherwise.
+fn unlikely(fitted: &FittedTool, mounting: &Mounting, file: &Tool) -> Vec<String> {
+    let Tool { weight_n, centre_m } = fitted.tool;
+    let is_shown = |first: usize, value: &Vector3<f64>| {
+        let covariance = fitted.covariance.fixed_view::<3, 3>(first, first).into_owned();
+        let solved = covariance.cholesky().map(|factor| factor.solve(value));
+        solved.is_none_or(|solved| chi_squared_above(value.dot(&solved), 3) < goodness::LEAST_P)
+    };
+    let mut unlikely = Vec::new();
+    if !is_shown(0, &weight_n) {
+        unlikely.push(
+            "the forces show no weight, and a centre of gravity is one of a weight: look at the channels of the forces"
+                .to_owned(),
+        );
+    } else if !is_shown(3, &(centre_m - mounting.lever_m)) {
+        unlikely.push(
+            "the moments change by no more than their noise, as if the centre of gravity were at the sensor's origin: look at the channels of the moments"
+                .to_owned(),
+        );
+    }
+    let off_rad = weight_n.angle(&file.weight_n);
+    if file.weight_n.norm() > 0.0 && off_rad > MOST_TILT_RAD && is_shown(0, &across(&weight_n, &file.weight_n)) {
+        unlikely.push(format!(
+            "the weight is {:.0} degrees off the direction that the robot file has: look at [sensor] rotation, and at how the sensor is mounted",
+            off_rad.to_degrees()
+        ));
+    }
+    unlikely
+}
+
+/// Part of a vector across another one.
+fn across(vector: &Vector3<f64>, other: &Vector3<f64>) -> Vector3<f64> {
+    vector - other * (vector.dot(other) / other.norm_squared())
+}
+
+/// Says which half of the columns has less noise than is stated: it is in a larger unit.
+fn too_quiet(fitted: &FittedTool) -> Option<String> {
+    let said = |((chi2, dof), columns)| Some(format!("{columns}: {}", goodness::too_small(chi2, dof)?));
+    match fitted.parts().into_iter().zip(["forces", "moments"]).filter_map(said).collect::<Vec<_>>().as_slice() {
+        [said] => Some(said.clone()),
+        _ => None,
+    }
 }
 
 /// Returns the text of the robot file with the tool that was found.

@@ -23,6 +23,7 @@ mod experiment;
 #[cfg(unix)]
 mod faults;
 mod follow;
+mod golden;
 mod header;
 mod identification;
 #[cfg(unix)]

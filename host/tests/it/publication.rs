@@ -23,9 +23,13 @@ pub(crate) fn ports(server: &mut Running) -> Vec<SocketAddr> {
     listed.map(|rest| rest.split([',', ';']).next().unwrap().parse().unwrap()).collect()
 }
 
-/// Reads until the server closes.
+/// Reads until the server closes. A reader that is behind by more than the buffers hold is dropped, as it should be; so that a busy machine does
+/// not make this one such a reader, its own buffer holds seconds.
 fn read_all(address: SocketAddr) -> std::thread::JoinHandle<Vec<u8>> {
-    let mut stream = TcpStream::connect(address).unwrap();
+    let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+    socket.set_recv_buffer_size(1 << 22).unwrap();
+    socket.connect(&address.into()).unwrap();
+    let mut stream = TcpStream::from(socket);
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
         stream.read_to_end(&mut bytes).unwrap();

@@ -54,7 +54,8 @@ fn measure<const N: usize>(folder: &Folder, model: &str, sensor: &Sensor, poses:
     folder.write("tool.csv", &table);
 }
 
-fn measure_f1(folder: &Folder) {
+/// A set-up of an F1 in six orientations, and its table.
+pub(crate) fn measure_f1(folder: &Folder) {
     let AnyRobotFile::F1(robot) = AnyRobotFile::named("f1").unwrap() else { panic!("not an F1") };
     let stand = |turn: &[f64; 3]| {
         let rotation = rotation_from_vector(&Vector3::from(*turn)).unwrap();
@@ -64,7 +65,8 @@ fn measure_f1(folder: &Folder) {
     measure(folder, "f1", &robot.sensor, &TURNS.each_ref().map(stand));
 }
 
-fn measure_l2(folder: &Folder) {
+/// A set-up of an L2 at three places, and its table.
+pub(crate) fn measure_l2(folder: &Folder) {
     let AnyRobotFile::L2(robot) = AnyRobotFile::named("l2").unwrap() else { panic!("not an L2") };
     let home_m = robot.home_m();
     let places = [0.0, 0.05, 0.1].map(|shift| home_m + Vector3::new(shift, 0.0, 0.0));

@@ -23,6 +23,8 @@ use crate::springs::preload::Preload;
 
 /// Largest share of readings that may be left out.
 pub(super) const MOST_OUTLIERS: f64 = 0.1;
+/// Largest chi-squared per degree of freedom, by the noise of usual instruments, that is believed without repeats.
+const MOST_UNPROVEN: f64 = 4.0;
 /// Standard deviations of its prior that a constant of the set-up may move by before it is named.
 const MOST_MOVED_SD: f64 = 3.0;
 
@@ -47,11 +49,12 @@ impl<const N: usize> Found<'_, N> {
             Some(Ok(regimes)) => format!("; {}", said(regimes)),
         };
         let reduced = answer.chi2 / float(answer.dof);
+        // Noise that is taken from the residuals is right by itself.
+        let p = if self.intervals.is_scaled { String::new() } else { format!(", p {:.2}", answer.p) };
         format!(
-            "{} of {} parameters seen; chi2/dof {reduced:.2}, p {:.2}{repeats}; {left_out} of {readings} readings left out{play}{regimes}",
+            "{} of {} parameters seen; chi2/dof {reduced:.2}{p}{repeats}; {left_out} of {readings} readings left out{play}{regimes}",
             answer.parameters.len() - lost,
             answer.parameters.len(),
-            answer.p,
         )
     }
 
@@ -123,22 +126,15 @@ impl<const N: usize> Found<'_, N> {
         if doubts.is_empty() {
             doubts.extend(self.uneven());
             doubts.extend(self.quiet());
+            doubts.extend(self.instrument_errors());
         }
+        doubts.extend(self.often_shifted());
         doubts.extend(self.mostly_left_out());
         match self.common_factor(answer) {
             Some(common) => doubts.push(common),
             None => doubts.extend(self.far_off()),
         }
-        // Of scaled noise chi-squared says nothing; repeats do.
-        if let Some(repeats) = self.repeats.as_ref().filter(|repeats| self.intervals.is_scaled && repeats.p() < LEAST_P)
-        {
-            doubts.push(format!(
-                "the model is wrong: it leaves {:.1} times the variance of repeats (lack of fit, p = {:.1e}), most of it from {}",
-                repeats.f(),
-                repeats.p(),
-                self.listed(&self.largest_contributors())
-            ));
-        }
+        doubts.extend(self.lack_of_fit(doubts.is_empty()));
         doubts.extend(self.not_positive.iter().map(|spring| self.not_measured(spring)));
         let Agreement { solved, choice, .. } = &self.agreement;
         let [lost, _] = unobservable(&self.question, choice, solved);
@@ -151,6 +147,30 @@ impl<const N: usize> Found<'_, N> {
             doubts.push(format!("{} of {readings} readings do not agree with the others", answer.outliers.len()));
         }
         doubts
+    }
+
+    /// What repeats say of the model: of noise that is taken from the residuals chi-squared says nothing, and of one that is stated too large it
+    /// says too little.
+    fn lack_of_fit(&self, is_first: bool) -> Option<String> {
+        let is_scaled = self.intervals.is_scaled;
+        let Some(repeats) = &self.repeats else {
+            let reduced = self.agreement.solved.rows.chi_squared() / float(self.agreement.solved.degrees());
+            return (is_scaled && reduced > MOST_UNPROVEN).then(|| {
+                format!(
+                    "the readings leave {:.1} times the deviation of {} instruments, and no level was measured twice, which would tell noise from a wrong model: state [noise], or measure strokes up and down",
+                    reduced.sqrt(),
+                    if self.question.campaign.is_noise_stated { "the stated" } else { "usual" }
+                )
+            });
+        };
+        ((is_scaled || is_first) && repeats.p() < LEAST_P).then(|| {
+            format!(
+                "the model is wrong: it leaves {:.1} times the variance of repeats (lack of fit, p = {:.1e}), most of it from {}",
+                repeats.f(),
+                repeats.p(),
+                self.listed(&self.largest_contributors())
+            )
+        })
     }
 
     /// A play that opens at a far smaller force than the robot file expects.

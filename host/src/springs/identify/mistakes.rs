@@ -18,6 +18,7 @@ use crate::springs::fit::{Solved, rounds};
 use crate::springs::lines::{Question, State, smooth_loads};
 
 use super::doubts::MOST_OUTLIERS;
+use super::response::first_quiet;
 use super::{Found, IdentifyError, IdentifyOptions, find};
 use crate::fit::goodness::{LEAST_P, simplest};
 use crate::fit::statistics::{chi_squared_above, float, squares_about_mean};
@@ -219,7 +220,7 @@ pub(super) fn checked<'a, const N: usize>(
     let explaining = likely(question, chi2).into_iter().filter_map(|mistake| Some((mended(&mistake)?, mistake)));
     match simplest(explaining, LEAST_GAIN).and_then(|mistake| mistake.error(question.campaign)) {
         Some(error) => Err(error.into()),
-        None => found,
+        None => found.map_err(|error| first_quiet(question.campaign).map_or(error, IdentifyError::from)),
     }
 }
 

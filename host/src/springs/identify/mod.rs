@@ -7,6 +7,7 @@ mod common_factor;
 mod doubts;
 mod far_off;
 mod hysteresis;
+mod instrument_errors;
 mod intervals;
 mod levels;
 mod measurable;

@@ -3,18 +3,25 @@
 //! Chi-squared of a whole campaign does not show one gauge of a stiff part, whose readings change by a few standard deviations. The share that its
 //! deviations have of what it should show, series by series, does: of a gauge that sticks from a series on, the fit takes a mean of both.
 
+use std::ops::Range;
+
 use super::Found;
 use crate::fit::goodness::LEAST_P;
 use crate::fit::statistics::{chi_squared_above, float};
+use crate::measurements::FileError;
 use crate::measurements::repeated::resolution;
 use crate::measurements::springs::{Campaign, Window};
 use crate::output::Name;
 use crate::springs::agreement::deviations;
 use crate::springs::lines::{Lines, Question};
 
-/// Share of a gauge's readings that may be left out, and number.
+/// Share of a gauge's readings, or of its series with a shift, that may be left out, and numbers.
 const MOST_LEFT_OUT: f64 = 0.25;
 const FEW: usize = 5;
+const MANY_SHIFTED: usize = 3;
+
+/// Probability of a scatter below which a gauge is quiet enough for its responses to count.
+const QUIET: f64 = 0.05;
 
 /// Share that the deviations of a gauge from the fit have of the changes that the robot file's springs predict, in a series or some.
 #[derive(Clone, Copy, Debug, Default)]
@@ -45,9 +52,12 @@ impl Response {
     }
 }
 
+/// Series, and the response of a gauge in each that changes it.
+type Responses = Vec<(usize, Response)>;
+
 impl<const N: usize> Found<'_, N> {
     /// Standard deviations of the readings, in stated ones.
-    fn scale(&self) -> f64 {
+    pub(super) fn scale(&self) -> f64 {
         let solved = &self.agreement.solved;
         let scaled = (solved.rows.chi_squared() / float(solved.degrees().max(1))).sqrt();
         if self.intervals.is_scaled { scaled } else { 1.0 }
@@ -55,11 +65,24 @@ impl<const N: usize> Found<'_, N> {
 
     /// Gauges that contradict the others in all series, or in some of them, with what to do.
     pub(super) fn uneven(&self) -> Vec<String> {
+        let campaign = self.question.campaign;
+        let named = |(gauge, responses): (usize, Responses)| said(campaign, &campaign.gauges[gauge].name, &responses);
+        self.responses().into_iter().enumerate().filter_map(named).collect()
+    }
+
+    /// Gauges whose readings change by less than their noise, in a series or from one on.
+    pub(super) fn quiet(&self) -> Vec<String> {
+        let found = quiet(self.question.campaign, self.scale(), &self.responses());
+        found.into_iter().map(|quiet| quiet.said).collect()
+    }
+
+    /// Responses of all gauges.
+    fn responses(&self) -> Vec<Responses> {
         let scale = self.scale();
         let campaign = self.question.campaign;
         let deviations = deviations(&self.question, &self.agreement.choice, &self.agreement.solved);
         let weights = &self.agreement.choice.weights;
-        let of_gauge = |(gauge, name): (usize, &Name)| {
+        let of_gauge = |gauge: usize| {
             let of_window = |lines: &Lines| {
                 let deviation = deviations[lines.window][gauge] / scale;
                 let is_used = weights[lines.window][gauge] > 0.0 && !deviation.is_nan();
@@ -67,49 +90,29 @@ impl<const N: usize> Found<'_, N> {
                 is_used.then_some((campaign.windows[lines.window].series, deviation, change))
             };
             let all: Vec<_> = self.agreement.solved.lines.iter().filter_map(of_window).collect();
-            let responses = (0..campaign.series.len()).filter_map(|series| Some((series, response(&all, series)?)));
-            said(campaign, name, &responses.collect::<Vec<_>>())
+            (0..campaign.series.len()).filter_map(|series| Some((series, response(&all, series)?))).collect()
         };
-        campaign.gauges.iter().map(|gauge| &gauge.name).enumerate().filter_map(of_gauge).collect()
+        (0..campaign.gauges.len()).map(of_gauge).collect()
     }
 
-    /// Gauges whose readings change by less than their noise, in a series or from one on.
-    pub(super) fn quiet(&self) -> Vec<String> {
-        let gauges = self.question.campaign.gauges.iter().enumerate();
-        gauges.filter_map(|(gauge, named)| self.quietest_run(gauge, &named.name)).collect()
-    }
-
-    /// Sentence for a gauge that is too quiet.
-    fn quietest_run(&self, gauge: usize, name: &Name) -> Option<String> {
+    /// Gauges that stay shifted from a window on in many series: a touch is one event.
+    pub(super) fn often_shifted(&self) -> impl Iterator<Item = String> {
         let campaign = self.question.campaign;
-        let noise_m = campaign.noise.gauge_um * 1e-6;
-        let read = |window: &Window<N>| Some((window.readings_m[gauge]?, window.sds_m[gauge].unwrap_or(noise_m)));
-        // Of a column that does not resolve its noise, equal numbers are no wonder.
-        let step_m = resolution(campaign.windows.iter().filter_map(read).map(|(reading, _)| reading));
-        if step_m <= 0.0 || step_m >= noise_m {
-            return None;
-        }
-        let of_series = |series: usize| {
-            let windows = campaign.windows.iter().filter(|window| window.series == series);
-            scatter(&windows.filter_map(read).collect::<Vec<_>>())
-        };
-        let scatters: Vec<(f64, usize)> = (0..campaign.series.len()).map(of_series).collect();
-        let sum = |some: &[(f64, usize)]| {
-            let (chi2, degrees) = some.iter().fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
-            (chi2 / self.scale().powi(2), degrees)
-        };
-        let runs = (0..scatters.len()).flat_map(|first| [first + 1, scatters.len()].map(|end| (first, end)));
-        let tests = float(2 * scatters.len() * campaign.gauges.len());
-        let tested = runs.map(|(first, end)| (first, sum(&scatters[first..end]))).map(|(first, (chi2, degrees))| {
-            let below = if degrees > 0 { 1.0 - chi_squared_above(chi2, degrees) } else { 1.0 };
-            (below * tests, first, (chi2 / float(degrees.max(1))).sqrt())
-        });
-        let (p, first, scatter) = tested.min_by(|(one, ..), (other, ..)| one.total_cmp(other))?;
-        (p < LEAST_P).then(|| {
-            format!(
-                "gauge {name} scatters from series {} on by {scatter:.2} of its noise: it is stuck, or the stated noise is too large",
-                campaign.series[first]
-            )
+        campaign.gauges.iter().enumerate().filter_map(move |(gauge, named)| {
+            let mut series: Vec<usize> = (self.agreement.choice.shifts.iter())
+                .filter(|shift| shift.gauge == gauge)
+                .map(|shift| shift.series)
+                .collect();
+            series.dedup();
+            (series.len() >= MANY_SHIFTED && float(series.len()) > MOST_LEFT_OUT * float(campaign.series.len())).then(|| {
+                format!(
+                    "gauge {} is shifted from a window on in {} of {} series, the first in series {}: it lags behind the load (friction, or play of its lever), or is loose; mend it, or fit a lag along (--hysteresis)",
+                    named.name,
+                    series.len(),
+                    campaign.series.len(),
+                    campaign.series[series[0]]
+                )
+            })
         })
     }
 
@@ -133,6 +136,76 @@ impl<const N: usize> Found<'_, N> {
     }
 }
 
+/// A gauge whose readings change by less than their noise.
+struct Quiet {
+    gauge: usize,
+    /// The first series in which they do.
+    series: usize,
+    said: String,
+}
+
+/// The first gauge of a campaign without a fit whose readings change by less than their noise.
+pub(super) fn first_quiet<const N: usize>(campaign: &Campaign<N>) -> Option<FileError> {
+    let Quiet { gauge, series, said } = quiet(campaign, 1.0, &[]).into_iter().next()?;
+    let is_of_it = |window: &&Window<N>| window.series == series && window.readings_m[gauge].is_some();
+    let window = campaign.windows.iter().find(is_of_it)?;
+    Some(campaign.error(window, &format!("{}_um", campaign.gauges[gauge].name), said))
+}
+
+/// Gauges whose readings change by less than their noise, in a series or from one on. Where a gauge falls short of the others there as well, by
+/// its responses, both count. `scale`: standard deviations of the readings, in stated ones.
+fn quiet<const N: usize>(campaign: &Campaign<N>, scale: f64, responses: &[Responses]) -> Vec<Quiet> {
+    let of_gauge = |gauge: usize| {
+        let scatters = scatters(campaign, scale, gauge)?;
+        let responses = responses.get(gauge).map_or(&[][..], Vec::as_slice);
+        let runs = (0..scatters.len()).flat_map(|first| [first + 1, scatters.len()].map(|end| first..end));
+        let tests = float(2 * scatters.len() * campaign.gauges.len());
+        let tested = runs.map(|run| {
+            let (chi2, degrees) =
+                scatters[run.clone()].iter().fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+            let below = if degrees > 0 { 1.0 - chi_squared_above(chi2, degrees) } else { 1.0 };
+            let both = if below < QUIET { both(below, falls_short(responses, &run)) } else { 1.0 };
+            (below.min(both) * 2.0 * tests, run.start, (chi2 / float(degrees.max(1))).sqrt())
+        });
+        let (p, first, scatter) = tested.min_by(|(one, ..), (other, ..)| one.total_cmp(other))?;
+        (p < LEAST_P).then(|| {
+            let said = format!(
+                "gauge {} scatters from series {} on by {scatter:.2} of its noise: it is stuck, or the stated noise is too large",
+                campaign.gauges[gauge].name, campaign.series[first]
+            );
+            Quiet { gauge, series: first, said }
+        })
+    };
+    (0..campaign.gauges.len()).filter_map(of_gauge).collect()
+}
+
+/// Scatter of a gauge's readings in each series, and its degrees of freedom. `None` of a column that does not resolve its noise: equal numbers are
+/// no wonder there.
+fn scatters<const N: usize>(campaign: &Campaign<N>, scale: f64, gauge: usize) -> Option<Vec<(f64, usize)>> {
+    let noise_m = campaign.noise.gauge_um * 1e-6;
+    let read = |window: &Window<N>| Some((window.readings_m[gauge]?, window.sds_m[gauge].unwrap_or(noise_m) * scale));
+    let step_m = resolution(campaign.windows.iter().filter_map(read).map(|(reading, _)| reading));
+    let of_series = |series: usize| {
+        let windows = campaign.windows.iter().filter(|window| window.series == series);
+        scatter(&windows.filter_map(read).collect::<Vec<_>>())
+    };
+    (step_m > 0.0 && step_m < noise_m).then(|| (0..campaign.series.len()).map(of_series).collect())
+}
+
+/// Probability that a gauge falls short of the others by as much in a run of series, and not elsewhere.
+fn falls_short(responses: &[(usize, Response)], run: &Range<usize>) -> f64 {
+    let (inside, outside): (Vec<_>, Vec<_>) = responses.iter().partition(|(series, _)| run.contains(series));
+    let [inside, outside] = [inside, outside].map(|some| sum(&some));
+    // NaN where nothing changes it.
+    if inside.share() < outside.share() { chi_squared_above(inside.contrast(outside), 1) / 2.0 } else { 1.0 }
+}
+
+/// Probability that two independent ones are, by their product, as small by chance (Fisher).
+fn both(one: f64, other: f64) -> f64 {
+    let product = one * other;
+    if product > 0.0 { product * (1.0 - product.ln()) } else { 0.0 }
+}
+
 /// Change of a gauge's reading by the robot file's springs, in standard deviations of its noise.
 fn predicted<const N: usize>(question: &Question<'_, N>, lines: &Lines, gauge: usize) -> Option<f64> {
     let row = lines.gauges.iter().position(|other| *other == gauge)?;
@@ -152,6 +225,10 @@ fn response(all: &[(usize, f64, f64)], series: usize) -> Option<Response> {
     (sum.squares > 1.0).then_some(sum)
 }
 
+fn sum(some: &[(usize, Response)]) -> Response {
+    some.iter().map(|(_, one)| *one).fold(Response::default(), Response::plus)
+}
+
 /// Sum of the squares of the deviations of readings from their mean, in their variances, and degrees of freedom.
 fn scatter(readings: &[(f64, f64)]) -> (f64, usize) {
     let mean = readings.iter().map(|(reading, _)| reading).sum::<f64>() / float(readings.len().max(1));
@@ -161,7 +238,6 @@ fn scatter(readings: &[(f64, f64)]) -> (f64, usize) {
 
 /// Sentence for a gauge whose responses, series by series, are not those of the other gauges.
 fn said<const N: usize>(campaign: &Campaign<N>, name: &Name, responses: &[(usize, Response)]) -> Option<String> {
-    let sum = |some: &[(usize, Response)]| some.iter().map(|(_, one)| *one).fold(Response::default(), Response::plus);
     let all = sum(responses);
     let tests = float(campaign.gauges.len() * (responses.len() + 1));
     let p = |chi2: f64, degrees: usize| chi_squared_above(chi2, degrees) * tests;

@@ -33,9 +33,36 @@ fn solving(name: &str, solver: &Path, session: &Session, arguments: &[&str]) -> 
     example.arg("--gantry-tau").arg(solver).spawn().unwrap()
 }
 
+/// Attempts of an example whose solver is a process of its own: on a busy machine it may get no processor for the second that a step may take.
+const ATTEMPTS: u32 = 3;
+
+/// Runs an example that asks the solver until each of its steps has returned in time, and checks the rest.
+fn in_time(tool: impl Fn() -> Tool, name: &str, arguments: &[&str], check: impl Fn(&Session)) {
+    let solver = program::build();
+    for attempt in 1..=ATTEMPTS {
+        let mut session = Session::new(tool());
+        let program = solving(name, &solver, &session, arguments);
+        let (code, said) = session.end_of(program);
+        if said.contains("has not returned within 1 s") && attempt < ATTEMPTS {
+            assert_eq!((code, session.ramped()), (Some(10), Cause::Goodbye), "{said}");
+            eprintln!("{name}, attempt {attempt}: {said}");
+            session.quit();
+            continue;
+        }
+        has_left(&mut session, code, &said);
+        check(&session);
+        session.quit();
+        return;
+    }
+}
+
 /// It leaves in good order, and nothing remains.
 fn left(session: &mut Session, program: Child) {
     let (code, said) = session.end_of(program);
+    has_left(session, code, &said);
+}
+
+fn has_left(session: &mut Session, code: Option<i32>, said: &str) {
     assert_eq!(code, Some(0), "{said}");
     assert!(said.starts_with("left with Goodbye after "), "{said}");
     assert_eq!(session.ramped(), Cause::Goodbye);
@@ -74,10 +101,10 @@ fn loaded(row: &Row<ARMS>) -> (f64, f64) {
 
 /// 300 N displace this machine by 195 um. What remains: three per cent of deviation of the springs, and 20 Hz of filtered noise.
 fn compensation() {
-    let solver = program::build();
-    let mut session = Session::new(Tool::Steps(300.0, 0.5));
-    let program = solving("compensation.py", &solver, &session, &["--states", "4000"]);
-    left(&mut session, program);
+    in_time(|| Tool::Steps(300.0, 0.5), "compensation.py", &["--states", "4000"], compensated);
+}
+
+fn compensated(session: &Session) {
     let rows = session.obtained();
     let (force_n, displaced_um) = loaded(rows.last().unwrap());
     assert!((force_n - 300.0).abs() < 1e-9, "{force_n}");
@@ -90,18 +117,17 @@ fn compensation() {
     for (offset, expected) in offsets_um.iter().zip([-189.0, -238.0, -149.0]) {
         assert!((offset - expected).abs() < 3.0, "{offsets_um:?}");
     }
-    session.quit();
 }
 
 /// 30 N, 60 N, then 2000 N, which are beyond the reach of 0.5 mm, and 30 N again: without anti-windup the integral of the third would take
 /// minutes to come back.
 fn force_control() {
-    const EACH: usize = 1_500;
-    let solver = program::build();
-    let mut session = Session::new(Tool::Above(2e5));
     let arguments = ["--forces", "30,60,2000,30", "--each", "1500", "--states", "6900"];
-    let program = solving("force_control.py", &solver, &session, &arguments);
-    left(&mut session, program);
+    in_time(|| Tool::Above(2e5), "force_control.py", &arguments, settled);
+}
+
+fn settled(session: &Session) {
+    const EACH: usize = 1_500;
     let forces: Vec<f64> = session.obtained().iter().map(|row| row.tool.unwrap().load[2]).collect();
     for (phase, expected_n) in [(1, 30.0), (2, 60.0)] {
         let settled = &forces[EACH * phase - 200..EACH * phase - 5];
@@ -115,5 +141,4 @@ fn force_control() {
     }
     let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
     assert!(steps < 5.0, "the force does not jump: {steps} N");
-    session.quit();
 }

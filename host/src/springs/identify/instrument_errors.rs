@@ -1,0 +1,189 @@
+//! Errors of instruments of which the readings show a form: gauges that lag behind the load, drift, or respond unevenly, a sensor of the load that does.
+//!
+//! Each is a column that a fit might have as well. How much of chi-squared it would take, and what it would do to the springs, is known without that
+//! fit (a score test): the column, without what zeros, set-up and springs have of it, against the residuals. The whole chi-squared does not show them:
+//! a gauge of a stiff part moves by a few standard deviations, and a part of these is a spring that is half too soft.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{Found, names};
+use crate::fit::goodness::LEAST_P;
+use crate::fit::statistics::{chi_squared_above, f_above, float};
+use crate::springs::agreement::Agreement;
+use crate::springs::blocks::Blocks;
+use crate::springs::lines::Lines;
+
+/// Smallest share of a column that zeros, set-up and springs leave of it.
+const LEAST_LEFT: f64 = 1e-6;
+
+/// Share of a gauge's largest displacement within which play of a lever is looked for, and beyond which the end of a range is.
+const PLAY: f64 = 0.3;
+const END: f64 = 0.6;
+
+/// Form of an error: its size at a reading, up to a factor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// Off by as much on the way up as on the way down, the other way.
+    Hysteresis,
+    /// Late on the way up, and on the way down, whichever way the gauge moves in a series.
+    Lag,
+    /// Grows with the time since the series began.
+    Drift,
+    /// Grows with the square of the displacement: less, or more, on one side.
+    OneSided,
+    /// The displacement, where it is small.
+    Small,
+    /// The displacement, but where it is large.
+    NotLarge,
+}
+
+const FORMS: [Form; 6] = [Form::Hysteresis, Form::Lag, Form::Drift, Form::OneSided, Form::Small, Form::NotLarge];
+
+impl Form {
+    fn words(self) -> &'static str {
+        match self {
+            Self::Hysteresis => {
+                "reads otherwise on the way down than on the way up; mend it, or fit that along (--hysteresis)"
+            }
+            Self::Lag => "lags behind the load: friction, or play of its lever; mend it, or leave its readings empty",
+            Self::Drift => "drifts with the time; wait until it does not, or fit that along (--drift)",
+            Self::OneSided | Self::Small | Self::NotLarge => {
+                "does not respond to large and small loads alike: the end of its range, or play of its lever; measure it again, or leave its readings empty"
+            }
+        }
+    }
+}
+
+/// A gauge, and how far its readings change, by the springs that were found.
+struct Moved {
+    gauge: usize,
+    /// The largest magnitude, m.
+    most_m: f64,
+    /// By series, the sign of the largest change.
+    ways: Vec<f64>,
+}
+
+/// What a column would do, if it were fitted along.
+struct Score {
+    column: usize,
+    /// Decrease of chi-squared.
+    gain: f64,
+    /// Changes of the parameters by what is in the readings of it now.
+    moved: DVector<f64>,
+}
+
+impl<const N: usize> Found<'_, N> {
+    /// Instruments with such an error, with what to do.
+    pub(super) fn instrument_errors(&self) -> Vec<String> {
+        let gauges = &self.question.campaign.gauges;
+        let of_gauge = |gauge: usize| {
+            let moved = self.moved(gauge);
+            let score = self.best(FORMS.len(), |lines| self.forms(lines, &moved))?;
+            let why = self.is_sure(&score, FORMS.len() * gauges.len())?;
+            let said = format!("gauge {} {} ({why})", gauges[gauge].name, FORMS[score.column].words());
+            Some((score.gain, said))
+        };
+        let found: Vec<(f64, String)> = (0..gauges.len()).filter_map(of_gauge).collect();
+        // A force sensor with such an error makes gauges look so.
+        let most = found.iter().map(|(gain, _)| *gain).fold(0.0, f64::max);
+        let of_load = self.best(1, |lines| self.of_load(lines)).filter(|score| score.gain > most);
+        let of_load = of_load.and_then(|score| self.is_sure(&score, 1)).map(|why| {
+            format!("the readings do not rise in proportion to the loads: look at range and calibration of the force sensor ({why})")
+        });
+        of_load.map_or_else(|| found.into_iter().map(|(_, said)| said).collect(), |said| vec![said])
+    }
+
+    /// The column that would explain most. `columns`: those of a window.
+    fn best(&self, count: usize, columns: impl Fn(&Lines) -> DMatrix<f64>) -> Option<Score> {
+        let Agreement { solved, choice, .. } = &self.agreement;
+        let columns: Vec<DMatrix<f64>> = solved.lines.iter().map(columns).collect();
+        let Blocks { rows, extras, .. } =
+            Blocks::new(&self.question, choice, &solved.lines, &solved.state.setup, &columns)?;
+        let half = solved.seen.half_covariance();
+        let image = &rows.derivatives * &half;
+        let score = |column: usize| {
+            let whole = extras.column(column);
+            let shares = image.tr_mul(&whole);
+            let left = whole - &image * &shares;
+            let squares = left.norm_squared();
+            let is_left = squares > LEAST_LEFT * whole.norm_squared();
+            let size = left.dot(&rows.residuals) / squares;
+            is_left.then(|| Score { column, gain: size * size * squares, moved: &half * shares * -size })
+        };
+        (0..count).filter_map(score).max_by(|one, other| one.gain.total_cmp(&other.gain))
+    }
+
+    /// Says why an error is not chance; `tests`: number of columns that were tried.
+    fn is_sure(&self, score: &Score, tests: usize) -> Option<String> {
+        let solved = &self.agreement.solved;
+        let p = if self.intervals.is_scaled {
+            let degrees = solved.degrees().saturating_sub(1);
+            f_above(score.gain * float(degrees) / (solved.rows.chi_squared() - score.gain), 1, degrees)
+        } else {
+            chi_squared_above(score.gain, 1)
+        };
+        let p = p * float(tests);
+        let (spring, shift_sd) = self.most_moved(&score.moved)?;
+        (p < LEAST_P).then(|| format!("p = {p:.1e}; it moves {spring} by {shift_sd:.1} standard deviations"))
+    }
+
+    /// Change of a gauge's reading in a window, m.
+    fn change_m(&self, lines: &Lines, gauge: usize) -> Option<f64> {
+        let row = lines.gauges.iter().position(|other| *other == gauge)?;
+        Some((lines.springs_shown.row(row) * self.agreement.solved.state.springs.vector())[0])
+    }
+
+    fn moved(&self, gauge: usize) -> Moved {
+        let campaign = self.question.campaign;
+        let mut largest_m = vec![0.0_f64; campaign.series.len()];
+        for lines in &self.agreement.solved.lines {
+            let here = &mut largest_m[campaign.windows[lines.window].series];
+            let change_m = self.change_m(lines, gauge).unwrap_or(0.0);
+            if change_m.abs() > here.abs() {
+                *here = change_m;
+            }
+        }
+        let most_m = largest_m.iter().fold(0.0, |most: f64, largest| most.max(largest.abs()));
+        Moved { gauge, most_m, ways: largest_m.into_iter().map(f64::signum).collect() }
+    }
+
+    /// Size of each form of error at the readings of a window; zero where the fit has it, or cannot know.
+    fn forms(&self, lines: &Lines, moved: &Moved) -> DMatrix<f64> {
+        let Moved { gauge, most_m, ways } = moved;
+        let mut columns = DMatrix::zeros(lines.gauges.len(), FORMS.len());
+        let Some(row) = lines.gauges.iter().position(|other| other == gauge) else { return columns };
+        let change_m = self.change_m(lines, *gauge).unwrap_or(0.0);
+        let window = &self.question.campaign.windows[lines.window];
+        let stroke = f64::from(window.stroke);
+        let choice = &self.agreement.choice;
+        let sizes = FORMS.map(|form| match form {
+            Form::Hysteresis if choice.hysteresis.contains(gauge) => 0.0,
+            Form::Hysteresis => stroke,
+            Form::Lag => stroke * ways[window.series],
+            Form::Drift if choice.has_drift => 0.0,
+            Form::Drift => window.time_s.unwrap_or(0.0),
+            Form::OneSided => change_m * change_m,
+            Form::Small => change_m.clamp(-PLAY * most_m, PLAY * most_m),
+            Form::NotLarge => change_m.clamp(-END * most_m, END * most_m),
+        });
+        columns.row_mut(row).copy_from_slice(&sizes);
+        columns
+    }
+
+    /// Change of the readings of a window where the sensor shows the load off by a share that grows with the force.
+    fn of_load(&self, lines: &Lines) -> DMatrix<f64> {
+        let load = &self.agreement.solved.state.loads[lines.window];
+        let off = load * load.fixed_rows::<3>(0).norm();
+        DMatrix::from_columns(&[&lines.load * DVector::from_column_slice(off.as_slice())])
+    }
+
+    /// The parameter that is moved most, and by how many of its standard deviations.
+    fn most_moved(&self, moved: &DVector<f64>) -> Option<(String, f64)> {
+        let names = names(&self.question, &self.agreement.choice, self.play.is_some());
+        let covariance = self.agreement.solved.seen.covariance() * self.intervals.variance(&self.agreement.solved);
+        let in_sd = moved.iter().enumerate().map(|(index, moved)| moved.abs() / covariance[(index, index)].sqrt());
+        let known = in_sd.zip(names).filter(|(shift, _)| shift.is_finite());
+        let (shift_sd, (name, _)) = known.max_by(|(one, _), (other, _)| one.total_cmp(other))?;
+        Some((name, shift_sd))
+    }
+}
