@@ -164,20 +164,26 @@ fn most_negative<const N: usize>(
     };
     if found.factor < -MOST_NEGATIVE_SD * found.sd {
         let (name, _) = question.file.names().swap_remove(found.spring);
-        let gauge = shown_most(question, solved, found.spring);
+        let gauge = contradicting(question, solved, found.spring);
         return Err(SpringsError::Negative { name, factor: found.factor, sd: found.sd, gauge });
     }
     Ok(Some(found))
 }
 
-/// Name of the gauge whose readings show a spring most, in standard deviations of their noise.
-fn shown_most<const N: usize>(question: &Question<'_, N>, solved: &Solved<N>, spring: usize) -> String {
-    let mut shown = vec![0.0; question.campaign.gauges.len()];
-    for lines in &solved.lines {
+/// Name of the gauge whose readings, with the other springs as found, contradict a positive compliance most, in their standard deviations.
+fn contradicting<const N: usize>(question: &Question<'_, N>, solved: &Solved<N>, spring: usize) -> String {
+    let compliance = solved.state.springs.vector()[spring];
+    let mut sums = vec![(0.0, 0.0); question.campaign.gauges.len()];
+    for (lines, left) in solved.lines.iter().zip(&solved.left) {
         for (row, gauge) in lines.gauges.iter().enumerate() {
-            shown[*gauge] += lines.springs_shown[(row, spring)].powi(2) / lines.variances[row];
+            let shown = lines.springs_shown[(row, spring)];
+            let (product, squares) = &mut sums[*gauge];
+            *product += shown * (left[row] + shown * compliance) / lines.variances[row];
+            *squares += shown * shown / lines.variances[row];
         }
     }
-    let most = shown.iter().zip(&question.campaign.gauges).max_by(|(one, _), (other, _)| one.total_cmp(other));
-    most.map_or_else(String::new, |(_, gauge)| gauge.name.to_string())
+    let alone = sums.iter().zip(&question.campaign.gauges).filter(|((_, squares), _)| *squares > 0.0);
+    let in_sd = alone.map(|((product, squares), gauge)| (product / squares.sqrt(), gauge));
+    let worst = in_sd.min_by(|(one, _), (other, _)| one.total_cmp(other));
+    worst.map_or_else(String::new, |(_, gauge)| gauge.name.to_string())
 }

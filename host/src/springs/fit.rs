@@ -75,7 +75,7 @@ pub enum SpringsError {
     },
     /// A compliance that is negative by more than its uncertainty: the model is wrong.
     #[error(
-        "the best value of {name} would be negative, {factor:.2} +- {sd:.2} of the robot file's: the model does not fit the readings; check signs and units of gauges and forces, of gauge {gauge} first, which shows it most"
+        "the best value of {name} would be negative, {factor:.2} +- {sd:.2} of the robot file's: the model does not fit the readings; check signs and units of gauges and forces, of gauge {gauge} first"
     )]
     Negative {
         /// Key and index of the spring.
@@ -84,7 +84,7 @@ pub enum SpringsError {
         factor: f64,
         /// Its standard deviation, in file's values.
         sd: f64,
-        /// The gauge that shows it most.
+        /// The gauge that contradicts a positive one most.
         gauge: String,
     },
     /// It still moves.

@@ -227,7 +227,7 @@ fn channels_without_a_signal_and_a_sensor_that_is_tilted_are_told() {
     let leaning = Tool { weight_n: Vector3::new(6.0, 0.0, -18.0), ..file };
     let found = fitted(&readings(&rotations, 1.0, 0));
     let said = doubts(&found, &answer(&found, "f1"), &mounting(), &leaning).concat();
-    assert!(said.starts_with("the weight is 19 degrees off the direction that the robot file has"), "{said}");
+    assert!(said.starts_with("the weight is 18 degrees off the direction that the robot file has"), "{said}");
 }
 
 /// Sentence about readings whose wrenches were spoiled by a matrix.

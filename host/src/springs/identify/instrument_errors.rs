@@ -4,11 +4,12 @@
 //! fit (a score test): the column, without what zeros, set-up and springs have of it, against the residuals. The whole chi-squared does not show them:
 //! a gauge of a stiff part moves by a few standard deviations, and a part of these is a spring that is half too soft.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 
 use super::{Found, names};
 use crate::fit::goodness::LEAST_P;
 use crate::fit::statistics::{chi_squared_above, f_above, float};
+use crate::measurements::springs::NamedGauge;
 use crate::springs::agreement::Agreement;
 use crate::springs::blocks::Blocks;
 use crate::springs::lines::Lines;
@@ -19,6 +20,9 @@ const LEAST_LEFT: f64 = 1e-6;
 /// Share of a gauge's largest displacement within which play of a lever is looked for, and beyond which the end of a range is.
 const PLAY: f64 = 0.3;
 const END: f64 = 0.6;
+
+/// Columns of one gauge that are not much the same: a lag, a drift, a bend.
+const KINDS: usize = 3;
 
 /// Form of an error: its size at a reading, up to a factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +69,6 @@ struct Moved {
 
 /// What a column would do, if it were fitted along.
 struct Score {
-    column: usize,
     /// Decrease of chi-squared.
     gain: f64,
     /// Changes of the parameters by what is in the readings of it now.
@@ -76,41 +79,42 @@ impl<const N: usize> Found<'_, N> {
     /// Instruments with such an error, with what to do.
     pub(super) fn instrument_errors(&self) -> Vec<String> {
         let gauges = &self.question.campaign.gauges;
-        let of_gauge = |gauge: usize| {
-            let moved = self.moved(gauge);
-            let score = self.best(FORMS.len(), |lines| self.forms(lines, &moved))?;
-            let why = self.is_sure(&score, FORMS.len() * gauges.len())?;
-            let said = format!("gauge {} {} ({why})", gauges[gauge].name, FORMS[score.column].words());
-            Some((score.gain, said))
+        let scores = self.scores();
+        let (of_load, of_gauges) = scores.split_last().map_or((None, &[][..]), |(last, rest)| (last.as_ref(), rest));
+        let of_gauge = |(gauge, scores): (&NamedGauge, &[Option<Score>])| {
+            let scores = scores.iter().zip(FORMS).filter_map(|(score, form)| Some((score.as_ref()?, form)));
+            let (score, form) = scores.max_by(|(one, _), (other, _)| one.gain.total_cmp(&other.gain))?;
+            let why = self.is_sure(score, KINDS * gauges.len())?;
+            Some((score.gain, format!("gauge {} {} ({why})", gauge.name, form.words())))
         };
-        let found: Vec<(f64, String)> = (0..gauges.len()).filter_map(of_gauge).collect();
+        let found: Vec<(f64, String)> = gauges.iter().zip(of_gauges.chunks(FORMS.len())).filter_map(of_gauge).collect();
         // A force sensor with such an error makes gauges look so.
         let most = found.iter().map(|(gain, _)| *gain).fold(0.0, f64::max);
-        let of_load = self.best(1, |lines| self.of_load(lines)).filter(|score| score.gain > most);
-        let of_load = of_load.and_then(|score| self.is_sure(&score, 1)).map(|why| {
+        let of_load = of_load.filter(|score| score.gain > most).and_then(|score| self.is_sure(score, 1));
+        let of_load = of_load.map(|why| {
             format!("the readings do not rise in proportion to the loads: look at range and calibration of the force sensor ({why})")
         });
         of_load.map_or_else(|| found.into_iter().map(|(_, said)| said).collect(), |said| vec![said])
     }
 
-    /// The column that would explain most. `columns`: those of a window.
-    fn best(&self, count: usize, columns: impl Fn(&Lines) -> DMatrix<f64>) -> Option<Score> {
+    /// Scores of all forms, gauge by gauge, and that of the load; `None` where zeros, set-up and springs take all of a column.
+    fn scores(&self) -> Vec<Option<Score>> {
         let Agreement { solved, choice, .. } = &self.agreement;
-        let columns: Vec<DMatrix<f64>> = solved.lines.iter().map(columns).collect();
-        let Blocks { rows, extras, .. } =
-            Blocks::new(&self.question, choice, &solved.lines, &solved.state.setup, &columns)?;
+        let moved: Vec<Moved> = (0..self.question.campaign.gauges.len()).map(|gauge| self.moved(gauge)).collect();
+        let columns: Vec<DMatrix<f64>> = solved.lines.iter().map(|lines| self.columns(lines, &moved)).collect();
+        let blocks = Blocks::new(&self.question, choice, &solved.lines, &solved.state.setup, &columns);
+        let Some(Blocks { rows, extras, .. }) = blocks else { return Vec::new() };
         let half = solved.seen.half_covariance();
         let image = &rows.derivatives * &half;
-        let score = |column: usize| {
-            let whole = extras.column(column);
+        let score = |whole: DVectorView<'_, f64>| {
             let shares = image.tr_mul(&whole);
             let left = whole - &image * &shares;
             let squares = left.norm_squared();
-            let is_left = squares > LEAST_LEFT * whole.norm_squared();
             let size = left.dot(&rows.residuals) / squares;
-            is_left.then(|| Score { column, gain: size * size * squares, moved: &half * shares * -size })
+            let is_left = squares > LEAST_LEFT * whole.norm_squared();
+            is_left.then(|| Score { gain: size * size * squares, moved: &half * shares * -size })
         };
-        (0..count).filter_map(score).max_by(|one, other| one.gain.total_cmp(&other.gain))
+        extras.column_iter().map(score).collect()
     }
 
     /// Says why an error is not chance; `tests`: number of columns that were tried.
@@ -147,16 +151,28 @@ impl<const N: usize> Found<'_, N> {
         Moved { gauge, most_m, ways: largest_m.into_iter().map(f64::signum).collect() }
     }
 
-    /// Size of each form of error at the readings of a window; zero where the fit has it, or cannot know.
-    fn forms(&self, lines: &Lines, moved: &Moved) -> DMatrix<f64> {
+    /// Columns of a window: of each gauge each form, then the load.
+    fn columns(&self, lines: &Lines, moved: &[Moved]) -> DMatrix<f64> {
+        let mut columns = DMatrix::zeros(lines.gauges.len(), moved.len() * FORMS.len() + 1);
+        for (row, gauge) in lines.gauges.iter().enumerate() {
+            let sizes = self.sizes(lines, &moved[*gauge]);
+            columns.view_mut((row, gauge * FORMS.len()), (1, FORMS.len())).copy_from_slice(&sizes);
+        }
+        // A sensor that shows the load off by a share that grows with the force.
+        let load = &self.agreement.solved.state.loads[lines.window];
+        let off = load * load.fixed_rows::<3>(0).norm();
+        columns.set_column(moved.len() * FORMS.len(), &(&lines.load * DVector::from_column_slice(off.as_slice())));
+        columns
+    }
+
+    /// Size of each form of error at the reading of a gauge; zero where the fit has it, or cannot know.
+    fn sizes(&self, lines: &Lines, moved: &Moved) -> [f64; FORMS.len()] {
         let Moved { gauge, most_m, ways } = moved;
-        let mut columns = DMatrix::zeros(lines.gauges.len(), FORMS.len());
-        let Some(row) = lines.gauges.iter().position(|other| other == gauge) else { return columns };
         let change_m = self.change_m(lines, *gauge).unwrap_or(0.0);
         let window = &self.question.campaign.windows[lines.window];
         let stroke = f64::from(window.stroke);
         let choice = &self.agreement.choice;
-        let sizes = FORMS.map(|form| match form {
+        FORMS.map(|form| match form {
             Form::Hysteresis if choice.hysteresis.contains(gauge) => 0.0,
             Form::Hysteresis => stroke,
             Form::Lag => stroke * ways[window.series],
@@ -165,16 +181,7 @@ impl<const N: usize> Found<'_, N> {
             Form::OneSided => change_m * change_m,
             Form::Small => change_m.clamp(-PLAY * most_m, PLAY * most_m),
             Form::NotLarge => change_m.clamp(-END * most_m, END * most_m),
-        });
-        columns.row_mut(row).copy_from_slice(&sizes);
-        columns
-    }
-
-    /// Change of the readings of a window where the sensor shows the load off by a share that grows with the force.
-    fn of_load(&self, lines: &Lines) -> DMatrix<f64> {
-        let load = &self.agreement.solved.state.loads[lines.window];
-        let off = load * load.fixed_rows::<3>(0).norm();
-        DMatrix::from_columns(&[&lines.load * DVector::from_column_slice(off.as_slice())])
+        })
     }
 
     /// The parameter that is moved most, and by how many of its standard deviations.
