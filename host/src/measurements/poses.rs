@@ -130,7 +130,9 @@ fn measured<const N: usize>(
     let table = setup::beside(path, &file.measurements);
     let (lines, poses): (Vec<u64>, Vec<MeasuredPose<N>>) = rows(&table, bytes)?.into_iter().unzip();
     let table = table.display().to_string();
-    repeated::check(&table, &lines, "pose", &columns(&noise, &poses))?;
+    let columns = columns(&noise, &poses);
+    repeated::check(&table, &lines, "pose", &columns)?;
+    repeated::check_still(&table, &lines, columns.iter().filter(|column| column.sd.is_some()))?;
     Ok(Poses { model: file.model, table, crc: crc32fast::hash(bytes), noise, poses })
 }
 

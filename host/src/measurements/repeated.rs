@@ -3,7 +3,7 @@
 //! Readings have noise. Where a column resolves it, the same number does not come thrice but by a chance that can be counted. A column that was typed,
 //! or is coarse, repeats itself, and says nothing here.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::FileError;
 use crate::fit::statistics::float;
@@ -29,6 +29,11 @@ pub(crate) struct Column {
 impl Column {
     fn at(&self, row: usize) -> Option<f64> {
         self.values.get(row).copied().flatten()
+    }
+
+    /// True if no row has another number than zero.
+    pub(crate) fn is_zero(&self) -> bool {
+        self.values.iter().flatten().all(|value| *value == 0.0)
     }
 
     /// Values of some rows.
@@ -65,6 +70,33 @@ pub(crate) fn check(table: &str, lines: &[u64], names: &str, columns: &[Column])
         Some(Repeated { row, column, reason }) => Err(FileError::at(table, line(row), column, reason)),
         None => Ok(()),
     }
+}
+
+/// Refuses a column of one number beside one that never repeats a number: few readings do not tell by themselves.
+///
+/// # Errors
+/// [`FileError`] for the column.
+pub(crate) fn check_still<'a>(
+    table: &str,
+    lines: &[u64],
+    columns: impl Iterator<Item = &'a Column> + Clone,
+) -> Result<(), FileError> {
+    let numbers = |column: &Column| column.values.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
+    let is_noisy = |column: &Column| {
+        let all = numbers(column);
+        all.len() >= MANY && all.iter().collect::<HashSet<_>>().len() == all.len()
+    };
+    let is_still = |column: &&Column| {
+        let all = numbers(column);
+        all.len() >= MANY && all.iter().all(|number| Some(number) == all.first())
+    };
+    let Some(still) = columns.clone().find(is_still).filter(|_| columns.clone().any(is_noisy)) else { return Ok(()) };
+    let row = still.values.iter().position(Option::is_some).unwrap_or_default();
+    let reason = format!(
+        "all readings are {}, to the last digit, where other columns have noise: this channel stands still; connect it, and measure again",
+        still.at(row).unwrap_or_default()
+    );
+    Err(FileError::at(table, lines.get(row).copied().unwrap_or_default(), &still.name, reason))
 }
 
 /// Returns a row and an earlier one that it repeats to the last digit, though at least three of these columns resolve their noise.
@@ -144,7 +176,7 @@ pub(crate) const fn is_same(one: f64, other: f64) -> bool {
 /// Rows without those that are copies of earlier ones.
 fn unique_rows(columns: &[Column]) -> Vec<usize> {
     let rows = columns.first().map_or(0, |column| column.values.len());
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = HashSet::new();
     (0..rows).filter(|row| seen.insert(bits(columns, *row))).collect()
 }
 

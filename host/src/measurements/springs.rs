@@ -166,7 +166,11 @@ impl<const N: usize> Campaign<N> {
     /// [`FileError`], naming line and column.
     pub fn check_repeated(&self) -> Result<(), FileError> {
         let lines: Vec<u64> = self.windows.iter().map(|window| window.line).collect();
-        repeated::check(&self.table, &lines, "window", &self.columns())
+        let columns = self.columns();
+        repeated::check(&self.table, &lines, "window", &columns)?;
+        // A component without a load is typed as zero.
+        let is_shown = |column: &&Column| LOAD.contains(&&*column.name) && !column.is_zero();
+        repeated::check_still(&self.table, &lines, columns.iter().filter(is_shown))
     }
 
     /// Columns of poses, gauges and loads.

@@ -69,9 +69,6 @@ impl<const N: usize> ToolReadings<N> {
     }
 }
 
-/// Readings of which a column of one number is none of chance.
-const FEWEST_STILL: usize = 3;
-
 /// Reads a set-up and its table, for a machine of `model` with `N` axes.
 ///
 /// # Errors
@@ -115,22 +112,8 @@ fn readings<const N: usize>(path: &Path, file: SetupFile, bytes: &[u8]) -> Resul
     let lines: Vec<u64> = readings.iter().map(|reading| reading.line).collect();
     let columns = columns(&file.noise, &readings);
     repeated::check(&table, &lines, "pose", &columns)?;
-    check_still(&table, &lines, &columns)?;
+    repeated::check_still(&table, &lines, columns.iter())?;
     Ok(ToolReadings { table, crc: crc32fast::hash(bytes), noise: file.noise, readings })
-}
-
-/// Refuses a column of one number, where another one never repeats a number: few readings do not tell by themselves.
-fn check_still(table: &str, lines: &[u64], columns: &[Column]) -> Result<(), FileError> {
-    let count =
-        |column: &Column| column.values.iter().flatten().map(|value| value.to_bits()).collect::<HashSet<_>>().len();
-    let (many, line) = (lines.len(), lines.first().copied().unwrap_or_default());
-    let is_noisy = many >= FEWEST_STILL && columns.iter().any(|column| count(column) == many);
-    let Some(still) = columns.iter().find(|column| count(column) == 1).filter(|_| is_noisy) else { return Ok(()) };
-    let value = still.values.first().copied().flatten().unwrap_or_default();
-    let reason = format!(
-        "all readings are {value}, to the last digit, where other columns have noise: this channel stands still; connect it, and measure again"
-    );
-    Err(FileError::at(table, line, &still.name, reason))
 }
 
 /// Columns of forces and moments.

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 
 use gantry_tau::robot_file::text_of;
 
+use crate::identification::changed;
 use crate::process::Folder;
 use crate::tool;
 
@@ -185,9 +186,12 @@ fn geometry_of_an_l2() {
     walk.give("frame.toml", &frame);
     walk.run(&format!("{calibrate} -o framed.toml --json framed.json --frame frame.toml"));
     // Two rows that disagree, one of them by metres.
-    let table = walk.folder.read("places.csv");
-    let rows: Vec<String> = table.lines().enumerate().map(|(row, line)| disturbed(row, line)).collect();
-    walk.give("places.csv", &(rows.join("\n") + "\n"));
+    let table = changed(&walk.folder.read("places.csv"), "y_m", |row, m| match row {
+        3 => m + 1e-3,
+        8 => m - 10.0,
+        _ => m,
+    });
+    walk.give("places.csv", &table);
     walk.run(&format!("{calibrate} -o disturbed.toml --json disturbed.json --report disturbed.html"));
     walk.end();
 }
@@ -207,18 +211,6 @@ fn frame_of(calibrated: &str) -> String {
     both.fold("format = \"gantry-tau frame 1\"\n".to_owned(), |text, (hole, (robot, measured))| {
         text + &format!("[[point]]\nname = \"hole {hole}\"\nrobot_m = {robot:?}\nmeasured_m = {measured:?}\n")
     })
-}
-
-/// Line of a table of places with a wrong one: that of a row, by a millimetre, and that of another, by ten metres.
-fn disturbed(row: usize, line: &str) -> String {
-    let wrong_m = match row {
-        4 => 1e-3,
-        9 => -10.0,
-        _ => return line.to_owned(),
-    };
-    let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-    cells[5] = format!("{:?}", cells[5].parse::<f64>().unwrap() + wrong_m);
-    cells.join(",")
 }
 
 #[test]

@@ -112,7 +112,7 @@ fn identify(folder: &Folder) -> Ended {
 }
 
 /// Changes a column of a table, row by row; the rows are counted from 0, without the header.
-fn changed(table: &str, column: &str, change: impl Fn(usize, f64) -> f64) -> String {
+pub(crate) fn changed(table: &str, column: &str, change: impl Fn(usize, f64) -> f64) -> String {
     let mut lines = table.lines();
     let header = lines.next().unwrap();
     let place = header.split(',').position(|name| name == column).unwrap();

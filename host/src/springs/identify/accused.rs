@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+use super::response::first_quiet;
 use super::weak::{GAP_M, KINDS, OPENS_AT_N, measured, on_home, options, seeds, strap};
 use super::*;
 use crate::fit::answer::Parameter;
@@ -470,6 +471,54 @@ fn errors_of_a_gauge_are_named_by_their_form() {
     }
     let drifting = find(bench.question(), &options()).unwrap().instrument_errors();
     assert!(drifting.len() == 1 && drifting[0].contains("gauge axis2 drifts with the time"), "{drifting:?}");
+}
+
+/// Found by an independent examination: links 20 % too soft, of a sensor whose gain falls with the force.
+#[test]
+fn a_force_sensor_that_is_not_linear_is_named() {
+    let (mut bench, _) = good(campaign_a(FINE), 4);
+    for window in &mut bench.campaign.windows {
+        window.load *= 1.0 - 0.1 * window.load.fixed_rows::<3>(0).norm() / 300.0;
+    }
+    let told = find(bench.question(), &options()).unwrap().instrument_errors();
+    assert!(told.len() == 1 && told[0].contains("do not rise in proportion to the loads"), "{told:?}");
+}
+
+/// Without a stated noise the residuals are their own measure, and without repeats nothing else is.
+#[test]
+fn large_residuals_without_noise_and_repeats_are_not_believed() {
+    for (noise_um, is_doubted) in [(1.0, false), (4.0, true)] {
+        let (mut bench, _) = good(campaign_a(Noise { gauge_um: noise_um, ..FINE }), 4);
+        bench.campaign.windows.retain(|window| window.stroke > 0);
+        (bench.campaign.noise, bench.campaign.is_noise_stated) = (FINE, false);
+        let found = find(bench.question(), &options()).unwrap();
+        let doubt = found.lack_of_fit(true);
+        assert_eq!(doubt.is_some(), is_doubted, "{noise_um} um: {doubt:?}");
+        assert!(doubt.is_none_or(|doubt| doubt.contains("no level was measured twice")));
+    }
+}
+
+/// A plate's gauge that is reversed makes its spring negative, and one that comes loose may keep the fit from an end: both are named.
+#[test]
+fn a_fit_that_fails_names_the_gauge() {
+    let refused = |words: &str, gauge: usize, spoil: &dyn Fn(&mut Bench<6>)| {
+        let (mut bench, truth) = good(f1(), 53);
+        spoil(&mut bench);
+        let Verdict::Refused(said) = verdict(&bench, &truth) else { panic!("not refused") };
+        assert!(said.contains(words) && said.contains(&gauge_name(&bench, gauge)), "{said}");
+    };
+    refused("would be negative", 10, &|bench| {
+        for window in &mut bench.campaign.windows {
+            window.readings_m[10] = window.readings_m[10].map(|reading| -reading);
+        }
+    });
+    let (mut bench, _) = good(f1(), 53);
+    assert!(first_quiet(&bench.campaign).is_none());
+    still(&mut bench, &mut seeded(1), 30);
+    let said = first_quiet(&bench.campaign).map(|error| error.to_string());
+    assert!(said.is_some_and(|said| said.contains(" of its noise: it is stuck")));
+    bench.campaign.is_noise_stated = false;
+    assert!(first_quiet(&bench.campaign).is_none(), "no noise is stated");
 }
 
 /// A part that is softer than its file by far, and no other.

@@ -151,7 +151,7 @@ impl<const N: usize> Found<'_, N> {
 
     /// What repeats say of the model: of noise that is taken from the residuals chi-squared says nothing, and of one that is stated too large it
     /// says too little.
-    fn lack_of_fit(&self, is_first: bool) -> Option<String> {
+    pub(super) fn lack_of_fit(&self, is_first: bool) -> Option<String> {
         let is_scaled = self.intervals.is_scaled;
         let Some(repeats) = &self.repeats else {
             let reduced = self.agreement.solved.rows.chi_squared() / float(self.agreement.solved.degrees());

@@ -84,13 +84,13 @@ impl<const N: usize> Found<'_, N> {
         let of_gauge = |(gauge, scores): (&NamedGauge, &[Option<Score>])| {
             let scores = scores.iter().zip(FORMS).filter_map(|(score, form)| Some((score.as_ref()?, form)));
             let (score, form) = scores.max_by(|(one, _), (other, _)| one.gain.total_cmp(&other.gain))?;
-            let why = self.is_sure(score, KINDS * gauges.len())?;
+            let why = self.significance(score, KINDS * gauges.len())?;
             Some((score.gain, format!("gauge {} {} ({why})", gauge.name, form.words())))
         };
         let found: Vec<(f64, String)> = gauges.iter().zip(of_gauges.chunks(FORMS.len())).filter_map(of_gauge).collect();
         // A force sensor with such an error makes gauges look so.
         let most = found.iter().map(|(gain, _)| *gain).fold(0.0, f64::max);
-        let of_load = of_load.filter(|score| score.gain > most).and_then(|score| self.is_sure(score, 1));
+        let of_load = of_load.filter(|score| score.gain > most).and_then(|score| self.significance(score, 1));
         let of_load = of_load.map(|why| {
             format!("the readings do not rise in proportion to the loads: look at range and calibration of the force sensor ({why})")
         });
@@ -117,8 +117,8 @@ impl<const N: usize> Found<'_, N> {
         extras.column_iter().map(score).collect()
     }
 
-    /// Says why an error is not chance; `tests`: number of columns that were tried.
-    fn is_sure(&self, score: &Score, tests: usize) -> Option<String> {
+    /// Returns probability and effect of an error that is not chance; `tests`: number of columns that were tried.
+    fn significance(&self, score: &Score, tests: usize) -> Option<String> {
         let solved = &self.agreement.solved;
         let p = if self.intervals.is_scaled {
             let degrees = solved.degrees().saturating_sub(1);

@@ -3,6 +3,7 @@
 //! Chi-squared of a whole campaign does not show one gauge of a stiff part, whose readings change by a few standard deviations. The share that its
 //! deviations have of what it should show, series by series, does: of a gauge that sticks from a series on, the fit takes a mean of both.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::Found;
@@ -99,18 +100,16 @@ impl<const N: usize> Found<'_, N> {
     pub(super) fn often_shifted(&self) -> impl Iterator<Item = String> {
         let campaign = self.question.campaign;
         campaign.gauges.iter().enumerate().filter_map(move |(gauge, named)| {
-            let mut series: Vec<usize> = (self.agreement.choice.shifts.iter())
-                .filter(|shift| shift.gauge == gauge)
-                .map(|shift| shift.series)
-                .collect();
-            series.dedup();
+            let shifts = self.agreement.choice.shifts.iter().filter(|shift| shift.gauge == gauge);
+            let series: BTreeSet<usize> = shifts.map(|shift| shift.series).collect();
+            let first = *series.first()?;
             (series.len() >= MANY_SHIFTED && float(series.len()) > MOST_LEFT_OUT * float(campaign.series.len())).then(|| {
                 format!(
                     "gauge {} is shifted from a window on in {} of {} series, the first in series {}: it lags behind the load (friction, or play of its lever), or is loose; mend it, or fit a lag along (--hysteresis)",
                     named.name,
                     series.len(),
                     campaign.series.len(),
-                    campaign.series[series[0]]
+                    campaign.series[first]
                 )
             })
         })
@@ -144,9 +143,10 @@ struct Quiet {
     said: String,
 }
 
-/// The first gauge of a campaign without a fit whose readings change by less than their noise.
+/// The first gauge of a campaign without a fit whose readings change by less than the noise that is stated.
 pub(super) fn first_quiet<const N: usize>(campaign: &Campaign<N>) -> Option<FileError> {
-    let Quiet { gauge, series, said } = quiet(campaign, 1.0, &[]).into_iter().next()?;
+    let quiet = Some(campaign).filter(|campaign| campaign.is_noise_stated).map(|campaign| quiet(campaign, 1.0, &[]));
+    let Quiet { gauge, series, said } = quiet?.into_iter().next()?;
     let is_of_it = |window: &&Window<N>| window.series == series && window.readings_m[gauge].is_some();
     let window = campaign.windows.iter().find(is_of_it)?;
     Some(campaign.error(window, &format!("{}_um", campaign.gauges[gauge].name), said))
@@ -164,8 +164,8 @@ fn quiet<const N: usize>(campaign: &Campaign<N>, scale: f64, responses: &[Respon
             let (chi2, degrees) =
                 scatters[run.clone()].iter().fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
             let below = if degrees > 0 { 1.0 - chi_squared_above(chi2, degrees) } else { 1.0 };
-            let both = if below < QUIET { both(below, falls_short(responses, &run)) } else { 1.0 };
-            (below.min(both) * 2.0 * tests, run.start, (chi2 / float(degrees.max(1))).sqrt())
+            let together = if below < QUIET { both(below, falls_short(responses, &run)) } else { 1.0 };
+            (below.min(together) * 2.0 * tests, run.start, (chi2 / float(degrees.max(1))).sqrt())
         });
         let (p, first, scatter) = tested.min_by(|(one, ..), (other, ..)| one.total_cmp(other))?;
         (p < LEAST_P).then(|| {

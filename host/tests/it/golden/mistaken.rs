@@ -1,6 +1,7 @@
 //! Tables with one mistake each, and what is said of them.
 
 use super::Walk;
+use crate::identification::changed;
 
 /// A change of a table: columns, and the value of a cell by its row (from 0) and what was there.
 type Mistake = (&'static [&'static str], fn(usize, f64) -> f64);
@@ -54,17 +55,7 @@ const OF_TOOLS: [(&str, Mistake); 9] = [
 ];
 
 fn mistaken(table: &str, (columns, change): &Mistake) -> String {
-    let mut lines = table.lines();
-    let header = lines.next().unwrap();
-    let is_changed: Vec<bool> = header.split(',').map(|name| columns.contains(&name)).collect();
-    assert_eq!(is_changed.iter().filter(|is_changed| **is_changed).count(), columns.len(), "{header}");
-    lines.enumerate().fold(format!("{header}\n"), |text, (row, line)| {
-        let cells = line.split(',').zip(&is_changed).map(|(cell, is_changed)| match is_changed {
-            true => format!("{:?}", change(row, cell.parse().unwrap())),
-            false => cell.to_owned(),
-        });
-        text + &cells.collect::<Vec<_>>().join(",") + "\n"
-    })
+    columns.iter().fold(table.to_owned(), |table, column| changed(&table, column, change))
 }
 
 /// Makes each of the mistakes in a table, and runs a command that replaces its output.
