@@ -132,7 +132,7 @@ fn measured<const N: usize>(
     let table = table.display().to_string();
     let columns = columns(&noise, &poses);
     repeated::check(&table, &lines, "pose", &columns)?;
-    repeated::check_still(&table, &lines, columns.iter().filter(|column| column.sd.is_some()))?;
+    repeated::check_still(&table, &lines, repeated::OTHERS, columns.iter())?;
     Ok(Poses { model: file.model, table, crc: crc32fast::hash(bytes), noise, poses })
 }
 

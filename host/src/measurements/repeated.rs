@@ -11,9 +11,9 @@ use crate::fit::statistics::float;
 /// Probability of a repetition by chance at which it is refused.
 const LEAST_P: f64 = 1e-4;
 /// Equal numbers in a column that are looked at.
-const MANY: usize = 3;
+pub(crate) const MANY: usize = 3;
 /// Other numbers of a column that tell whether it repeats itself anyway, and the smallest share of them that differ.
-const OTHERS: usize = 8;
+pub(crate) const OTHERS: usize = 8;
 const DIFFERENT: f64 = 0.9;
 /// Columns that resolve their noise, all of which a copied row repeats.
 const COPIED: usize = 3;
@@ -72,23 +72,24 @@ pub(crate) fn check(table: &str, lines: &[u64], names: &str, columns: &[Column])
     }
 }
 
-/// Refuses a column of one number beside one that never repeats a number: few readings do not tell by themselves.
+/// Refuses a column of one number, in at least so many rows, beside one that never repeats a number.
 ///
 /// # Errors
 /// [`FileError`] for the column.
 pub(crate) fn check_still<'a>(
     table: &str,
     lines: &[u64],
+    least: usize,
     columns: impl Iterator<Item = &'a Column> + Clone,
 ) -> Result<(), FileError> {
     let numbers = |column: &Column| column.values.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
     let is_noisy = |column: &Column| {
         let all = numbers(column);
-        all.len() >= MANY && all.iter().collect::<HashSet<_>>().len() == all.len()
+        all.len() >= least && all.iter().collect::<HashSet<_>>().len() == all.len()
     };
     let is_still = |column: &&Column| {
         let all = numbers(column);
-        all.len() >= MANY && all.iter().all(|number| Some(number) == all.first())
+        all.len() >= least && all.iter().all(|number| Some(number) == all.first())
     };
     let Some(still) = columns.clone().find(is_still).filter(|_| columns.clone().any(is_noisy)) else { return Ok(()) };
     let row = still.values.iter().position(Option::is_some).unwrap_or_default();

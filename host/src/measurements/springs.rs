@@ -170,7 +170,7 @@ impl<const N: usize> Campaign<N> {
         repeated::check(&self.table, &lines, "window", &columns)?;
         // A component without a load is typed as zero.
         let is_shown = |column: &&Column| LOAD.contains(&&*column.name) && !column.is_zero();
-        repeated::check_still(&self.table, &lines, columns.iter().filter(is_shown))
+        repeated::check_still(&self.table, &lines, repeated::OTHERS, columns.iter().filter(is_shown))
     }
 
     /// Columns of poses, gauges and loads.
