@@ -175,3 +175,23 @@ impl Table {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::fixture::{Folder, campaign_a, first_series, plan_in};
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_row_that_is_not_written_is_an_error_and_is_not_taken() {
+        let folder = Folder::new("full");
+        let plan = plan_in(&folder, &first_series(&campaign_a("", &[0, 60]), 1));
+        let mut table = Table::open(Path::new("/dev/full"), &plan, true).unwrap();
+        let (readings_m, sds_m) = (vec![Some(0.0); 9], vec![Some(1e-6); 9]);
+        let load = Vector6::zeros();
+        let row = Row { series: 0, level: 0, q: [0.0; 3], load, readings_m, sds_m, time_s: 1.0, samples: 2_000 };
+        let error = table.write(&plan, &row).unwrap_err().to_string();
+        assert!(error.contains("/dev/full") && error.contains("No space left"), "{error}");
+        assert!(!table.has(&plan, 0, 0));
+    }
+}

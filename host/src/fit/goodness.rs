@@ -23,7 +23,7 @@ pub(crate) fn too_large(chi2: f64, degrees: usize) -> Option<String> {
 pub(crate) fn too_small(chi2: f64, degrees: usize) -> Option<String> {
     let below = 1.0 - chi_squared_above(chi2, degrees);
     let factor = (float(degrees) / chi2).sqrt();
-    (degrees > 0 && below < LEAST_P && factor > MOST_OVERSTATED).then(|| {
+    (below < LEAST_P && factor > MOST_OVERSTATED).then(|| {
         let factor = if factor < MUCH { format!("{factor:.1}") } else { format!("more than {MUCH}") };
         format!(
             "the stated noise is {factor} times too large: chi2/dof is {:.2} ({}); check its units, and those of the measurements",
@@ -58,6 +58,7 @@ mod tests {
     #[test]
     fn both_sides_have_their_sentences() {
         assert_eq!((too_large(100.0, 100), too_small(100.0, 100)), (None, None));
+        assert_eq!((too_large(0.0, 0), too_small(0.0, 0)), (None, None), "nothing is left to judge");
         assert!(too_large(150.0, 100).unwrap().contains("chi2/dof is 1.50 (p = 9"));
         assert!(too_small(45.0, 100).unwrap().starts_with("the stated noise is 1.5 times too large"));
         assert!(too_small(0.0, 10).unwrap().starts_with("the stated noise is more than 100 times too large"));

@@ -95,3 +95,28 @@ fn signed(row: &Vector6<f64>) -> String {
     let column = row.iamax();
     format!("{}{}", if row[column] < 0.0 { "-" } else { "" }, LOAD[column])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn orders_are_all_that_differ_and_axes_stay_right_handed() {
+        let all: Vec<MistakenColumns> = orders().collect();
+        // Of the forces or the moments, swaps in both, and axes of the whole wrench.
+        assert_eq!(all.len(), 5 + 5 + 3 + 23);
+        let told: std::collections::HashSet<String> =
+            all.iter().map(|order| format!("{} {}", order.names(), order.reason)).collect();
+        assert_eq!(told.len(), all.len(), "each has its own sentence");
+        for order in &all {
+            let table = Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0);
+            let mended = order.mended * table;
+            let changed: Vec<usize> = ALL.into_iter().filter(|column| mended[*column] != table[*column]).collect();
+            assert_eq!(order.columns, changed);
+            // Two axes in the place of each other are left-handed, and no column has another sign then.
+            let halves = [0, 3].map(|first| order.mended.fixed_view::<3, 3>(first, first).determinant());
+            let has_signs = order.mended.min() < 0.0;
+            assert!(!has_signs || halves.iter().all(|half| *half > 0.0), "{}", order.mended);
+        }
+    }
+}

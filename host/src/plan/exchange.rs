@@ -244,6 +244,30 @@ mod tests {
         }
     }
 
+    /// The same straps tell most at the first pose, or at the last: there they go, from wherever they are.
+    #[test]
+    fn all_entries_move_to_the_best_pose() {
+        for best in [0, 3] {
+            let rows = |place: usize, strap: usize| {
+                DMatrix::from_fn(1, 2, |_, column| {
+                    let size = if place == best { 3.0 } else { 1.0 };
+                    if column == strap { size } else { 0.0 }
+                })
+            };
+            let candidates: Vec<Candidate> = (0..8)
+                .map(|index| (index / 2, index % 2))
+                .map(|(place, strap)| Candidate { rows: rows(place, strap), place, strap })
+                .collect();
+            let goal = DMatrix::identity(2, 2);
+            let search = Search::new(&candidates, &goal, Criterion::I, 2, 1);
+            for from in 0..4 {
+                let mut chosen = vec![2 * from, 2 * from + 1];
+                search.move_places(&mut chosen);
+                assert_eq!(chosen, [2 * best, 2 * best + 1], "from {from}");
+            }
+        }
+    }
+
     #[test]
     fn no_more_poses_than_allowed_and_nothing_twice() {
         let (candidates, goal) = (candidates(), DMatrix::identity(3, 3));

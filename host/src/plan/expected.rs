@@ -83,6 +83,8 @@ pub struct Expected {
     pub readings: usize,
     /// Root mean square of the predicted error of what is asked for, m, lost directions not counted.
     pub rms_m: f64,
+    /// Covariance of the parameters, scaled, in the coordinates of their basis.
+    covariance: DMatrix<f64>,
 }
 
 impl Expected {
@@ -117,8 +119,14 @@ impl Expected {
             indices: indices(seen.singular_values(), readings),
             index_unit: parameters.index_unit,
             readings,
-            rms_m: (&covariance * goal).trace().max(0.0).sqrt(),
+            rms_m: rms_m(&covariance, goal),
+            covariance,
         }
+    }
+
+    /// Root mean square of the predicted error of something else, m, lost directions not counted.
+    pub(super) fn rms_m_of(&self, goal: &DMatrix<f64>) -> f64 {
+        rms_m(&self.covariance, goal)
     }
 
     /// True if every direction is seen.
@@ -139,6 +147,10 @@ impl Parameters {
         named.truncate(MOST_NAMED);
         NamedDirection { relative_sd: direction.relative_sd, components: named }
     }
+}
+
+fn rms_m(covariance: &DMatrix<f64>, goal: &DMatrix<f64>) -> f64 {
+    (covariance * goal).trace().max(0.0).sqrt()
 }
 
 /// O1 (Borm, Menq), O2 (Driels, Pathre), O3 (Nahvi, Hollerbach, Hayward), O4 (Nahvi, Hollerbach), O5 (Sun, Hollerbach).

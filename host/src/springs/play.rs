@@ -402,6 +402,30 @@ mod tests {
         Bench::new(&RobotFile::builtin_l2().unwrap(), &[HOME], &all, FINE)
     }
 
+    #[test]
+    fn the_windows_beside_a_crossing_are_the_nearest() {
+        // The farthest beyond first: two of the rising ones, one of the falling ones.
+        let crossing = Crossing { sign: 1.0, candidates: [vec![5, 4, 3, 2], vec![9, 10, 11]], beyond: [2, 1] };
+        assert_eq!([0, 1].map(|stroke| crossing.beside(stroke)), [[Some(3), Some(4)], [Some(10), Some(9)]]);
+        assert_eq!(crossing.is_crossed(12).iter().filter(|is_crossed| **is_crossed).count(), 3);
+    }
+
+    #[test]
+    fn sums_are_those_over_all_pairs() {
+        let mut random = seeded(1);
+        let shares = DVector::from_fn(5, |_, _| random.random_range(-1.0..1.0));
+        let half = DMatrix::from_fn(5, 5, |_, _| random.random_range(-1.0..1.0));
+        let overlaps: DMatrix<f64> = &half + half.transpose();
+        let sums = Sums::new(&shares, &overlaps, 3);
+        for (risen, fallen) in (0..=3).flat_map(|risen| (0..=2).map(move |fallen| (risen, fallen))) {
+            let chosen: Vec<usize> = (0..risen).chain(3..3 + fallen).collect();
+            let share: f64 = chosen.iter().map(|one| shares[*one]).sum();
+            let overlap: f64 = chosen.iter().flat_map(|one| chosen.iter().map(|other| overlaps[(*one, *other)])).sum();
+            let (found_share, found_overlap) = sums.of(risen, fallen);
+            assert!((found_share - share).abs() < 1e-12 && (found_overlap - overlap).abs() < 1e-12);
+        }
+    }
+
     fn found(bench: &Bench<3>) -> (Agreement<3>, Option<FoundPlay>) {
         let question = bench.question();
         let without = fit_agreeing(&question, &Choice::all(&bench.campaign), State::start(&question)).unwrap();

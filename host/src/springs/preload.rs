@@ -56,3 +56,19 @@ impl Preload {
         found_n.iter().any(|end| end * self.force_n.signum() >= LEAST_OF_EXPECTED * self.force_n.abs())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_preload_of_either_sign_has_its_mirror_image() {
+        for sign in [1.0, -1.0] {
+            let preload = Preload { force_n: sign * 100.0 };
+            assert!(preload.holds(sign * 500.0) && preload.holds(sign * -79.0) && !preload.holds(sign * -81.0));
+            assert_eq!(preload.share_at_jump(sign * -200.0), Some(0.5));
+            assert_eq!([50.0, 0.0].map(|force| preload.share_at_jump(sign * force)), [None, None]);
+            assert!(preload.may_be([sign * 49.0, sign * 51.0]) && !preload.may_be([sign * 49.0, sign * -200.0]));
+        }
+    }
+}

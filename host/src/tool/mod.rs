@@ -274,8 +274,9 @@ fn unlikely(fitted: &FittedTool, mounting: &Mounting, file: &Tool) -> Vec<String
                 .to_owned(),
         );
     }
+    // Zero where the file has no tool.
     let off_rad = weight_n.angle(&file.weight_n);
-    if file.weight_n.norm() > 0.0 && off_rad > MOST_TILT_RAD && is_shown(0, &across(&weight_n, &file.weight_n)) {
+    if off_rad > MOST_TILT_RAD && is_shown(0, &across(&weight_n, &file.weight_n)) {
         unlikely.push(format!(
             "the weight is {:.0} degrees off the direction that the robot file has: look at [sensor] rotation, and at how the sensor is mounted",
             off_rad.to_degrees()

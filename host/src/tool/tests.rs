@@ -200,6 +200,15 @@ fn forces_or_moments_in_a_larger_unit_are_quieter_than_is_stated() {
     assert!(count([1.0 / 9.80665; 2], "the stated noise is ") >= 190);
 }
 
+/// Down is where the file's tool pulls, light as it may be; without one it is down in the world.
+#[test]
+fn a_tool_that_pulls_upwards_is_refused_by_the_direction_of_the_file() {
+    let found = fitted(&readings(&rotations(&TURNS), 1.0, 0));
+    for (file_n, expected) in [([0.0; 3], false), ([0.0, 0.0, -0.5], false), ([0.0, 0.0, 0.5], true)] {
+        assert_eq!(pulls_upwards(&found, &file_n.into()), expected, "{file_n:?}");
+    }
+}
+
 /// Found by an independent examination: channels that show nothing gave a tool at the origin of the sensor, or one without a weight, and a sensor
 /// that was mounted otherwise a weight that pulls sideways; all with exit code 0.
 #[test]

@@ -64,6 +64,29 @@ fn a_pose_that_a_machine_cannot_stand_in_is_told_before_and_skipped_then() {
     assert!(skipped > 0);
 }
 
+/// A plan of an F1 promised 46 um over the grid of its poses; calibrations by it expected 65 to 165 um over the workspace.
+#[test]
+fn a_calibration_expects_what_its_plan_has_promised() {
+    for (robot, poses) in [("l2", "30"), ("f1", "24")] {
+        let folder = Folder::new(&format!("promised-{robot}"));
+        let said = folder.run(&["plan", "geometry", robot, "--poses", poses, "-o", "places.toml"]).success();
+        let line = said.split(" um rms over the workspace").next().unwrap();
+        let promised_um: f64 = line.split_whitespace().last().unwrap().parse().unwrap();
+        for seed in ["1", "2", "3"] {
+            let run = |command: &str| folder.run(&command.split(' ').collect::<Vec<_>>()).success();
+            run(&format!("experiment places.toml --robot {robot} --simulated {seed} -o places.csv"));
+            run(&format!(
+                "calibrate places.toml --robot {robot} --tolerance 1 --force -o found.toml --json found.json"
+            ));
+            std::fs::remove_file(folder.path("places.csv")).unwrap();
+            let found: serde_json::Value = serde_json::from_str(&folder.read("found.json")).unwrap();
+            let ratio = 1e6 * found["predicted_rms_m"].as_f64().unwrap() / promised_um;
+            // The machine is 2 mm off the file that was planned with.
+            assert!((0.7..1.4).contains(&ratio), "{robot}, seed {seed}: {ratio} of {promised_um} um");
+        }
+    }
+}
+
 #[test]
 fn what_is_there_is_kept_and_what_is_wrong_is_named() {
     let folder = Folder::new("plan_bad");

@@ -97,7 +97,6 @@ impl Bench {
     }
 }
 
-/// Keys of nobody.
 /// Found from outside: a table that hung kept Ctrl-C from the client.
 #[test]
 fn a_client_is_told_to_leave_whatever_the_campaign_does() {
@@ -112,6 +111,7 @@ fn a_client_is_told_to_leave_whatever_the_campaign_does() {
     }
 }
 
+/// Keys that are never pressed.
 fn no_keys() -> (Sender<String>, Receiver<String>) {
     channel()
 }

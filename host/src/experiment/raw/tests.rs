@@ -128,6 +128,15 @@ fn a_table_is_continued_with_a_tare() {
     }
 }
 
+/// A program that was killed before its first tick leaves an empty table.
+#[test]
+fn an_empty_table_is_begun() {
+    let mut bench = Bench::new("empty");
+    std::fs::write(bench.path(), "").unwrap();
+    bench.write(&CALM, true);
+    assert_eq!(bench.read().unwrap().campaign.windows.len(), 3);
+}
+
 #[test]
 fn a_level_that_does_not_settle_is_named() {
     let mut bench = Bench::new("restless");

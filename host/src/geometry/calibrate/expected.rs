@@ -10,7 +10,14 @@ use crate::workspace::{Grid, survey};
 const GRID_CELLS: u32 = 16;
 
 /// Axes at a place, and the place, m.
-pub(super) type Stand<const N: usize> = ([f64; N], Vector3<f64>);
+pub(crate) type Stand<const N: usize> = ([f64; N], Vector3<f64>);
+
+/// Grid of the workspace, and what `robot` reaches of it.
+pub(crate) fn stands<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> (Grid, Vec<Stand<N>>) {
+    let grid = Grid::of(robot, GRID_CELLS);
+    let places = survey(robot, grid, |_| ()).places.into_iter();
+    (grid, places.filter_map(|place| Some((place.reached.ok()?.q, place.tool_m))).collect())
+}
 
 /// Expected error over a grid of the workspace.
 pub(super) struct Expected {
@@ -27,9 +34,7 @@ impl Expected {
         robot: &RobotFile<K, N>,
         rms_of_m: impl Fn(&[Stand<N>]) -> f64,
     ) -> Self {
-        let grid = Grid::of(robot, GRID_CELLS);
-        let places = survey(robot, grid, |_| ()).places.into_iter();
-        let stands: Vec<Stand<N>> = places.filter_map(|place| Some((place.reached.ok()?.q, place.tool_m))).collect();
+        let (grid, stands) = stands(robot);
         let at = |stand: &Stand<N>| {
             let error_m = rms_of_m(&[*stand]);
             error_m.is_finite().then_some((stand.1, error_m * 1e6))

@@ -253,3 +253,35 @@ fn machine(nominal: &Nominal) -> L2Machine {
         lengths_m: nominal.lengths_m,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::MeasuredPose;
+    use crate::measurements::poses::Noise;
+    use crate::output::Name;
+
+    /// Poses of a platform that turns by this angle about x, to and fro, and noise of 10 urad.
+    fn swinging(angle_rad: f64) -> Poses<AXES> {
+        let rest = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -1.2, 2.0));
+        let pose = |index: usize| {
+            let angle_rad = if index % 2 == 0 { angle_rad } else { -angle_rad };
+            let rotation = UnitQuaternion::from_scaled_axis(Vector3::x() * angle_rad) * rest;
+            let name = Name::made(index);
+            MeasuredPose { name, q: [0.0; AXES], position_m: Vector3::zeros(), rotation: Some(rotation) }
+        };
+        let noise = Noise::independent(Matrix3::identity() * 1e-10, Some(Matrix3::identity() * 1e-10));
+        let poses = (0..20).map(pose).collect();
+        Poses { model: "l2".to_owned(), table: "p.csv".to_owned(), crc: 0, noise, poses }
+    }
+
+    #[test]
+    fn a_platform_that_turns_by_more_than_its_noise_is_told() {
+        assert_eq!(turned_platform(&swinging(10e-6)), None);
+        let said = turned_platform(&swinging(100e-6)).unwrap();
+        assert!(said.starts_with("the platform turns by 100 urad (rms)"), "{said}");
+        let mut unseen = swinging(100e-6);
+        unseen.noise.rotation_rad2 = None;
+        assert_eq!(turned_platform(&unseen), None);
+    }
+}

@@ -3,7 +3,7 @@
 mod along;
 mod columns;
 mod error;
-mod expected;
+pub(crate) mod expected;
 pub(crate) mod f1;
 pub(crate) mod l2;
 mod mirror;

@@ -71,3 +71,41 @@ impl fmt::Display for Shape {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Rotation3;
+
+    use super::*;
+
+    /// Shape of the corners of a box that stands at an angle.
+    fn shape(extents_m: [f64; 3]) -> Shape {
+        let turn = Rotation3::from_scaled_axis(Vector3::new(0.7, -1.1, 0.4));
+        let corner = |bits: u8| {
+            let half = Vector3::from_fn(|axis, _| if bits >> axis & 1 == 1 { 0.5 } else { -0.5 });
+            turn * half.component_mul(&Vector3::from(extents_m)) + Vector3::new(3.0, -1.0, 2.0)
+        };
+        Shape::of(&(0..8).map(corner).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn a_region_has_its_extents_and_its_word() {
+        for (extents_m, is_thin, word) in [
+            ([1.0, 0.8, 0.5], false, None),
+            ([1.0, 0.8, 0.081], false, None),
+            ([1.0, 0.8, 0.079], true, None),
+            ([1.0, 0.8, 0.021], true, None),
+            ([1.0, 0.8, 0.019], true, Some("in a plane, within 19.00 mm")),
+            ([1.0, 0.021, 0.001], true, Some("in a plane, within 1.00 mm")),
+            ([1.0, 0.019, 0.001], false, Some("on a line, within 19.00 mm")),
+            ([0.201, 0.15, 0.1], false, None),
+            ([0.199, 0.15, 0.1], false, Some("within 199 mm of each other")),
+        ] {
+            let shape = shape(extents_m);
+            let off = shape.extents_m.iter().zip(extents_m).map(|(found, is)| (found - is).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-12, "{shape:?}");
+            assert_eq!((shape.is_thin(), shape.is_poor()), (is_thin, word.is_some()), "{extents_m:?}");
+            assert!(word.is_none_or(|word| shape.to_string() == word), "{extents_m:?}: {shape}");
+        }
+    }
+}

@@ -7,7 +7,7 @@ use std::fmt;
 use std::path::Path;
 
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose};
-use nalgebra::{DMatrix, Matrix6, UnitQuaternion};
+use nalgebra::{DMatrix, Matrix6, UnitQuaternion, Vector3};
 
 use super::exchange::{Candidate, Criterion, Search};
 use super::expected::{Expected, Parameters};
@@ -17,6 +17,7 @@ use super::time::Minutes;
 use super::{PlanError, Written, check_range, model_name, sheet};
 use crate::elastic;
 use crate::fit::statistics::float;
+use crate::geometry::calibrate::expected::stands;
 use crate::geometry::calibrate::f1::whitening;
 use crate::geometry::deviation::Deviating;
 use crate::geometry::frames::LEVER_M;
@@ -125,6 +126,16 @@ fn spots<K: PlannedMachine<N>, const N: usize>(robot: &RobotFile<K, N>, model: &
     K::poses(robot).into_iter().filter_map(|pose| model.spot(robot, pose)).collect()
 }
 
+/// The machine at the places of the workspace that a calibration judges itself by.
+fn workspace<K: PlannedMachine<N>, const N: usize>(robot: &RobotFile<K, N>, model: &Model) -> Vec<Spot<N>> {
+    let (_, stands) = stands(robot);
+    let spot = |(q, tool_m): ([f64; N], Vector3<f64>)| {
+        let pose = robot.model.stand(&q, &Pose::at(tool_m))?;
+        Some(model.at(robot, pose, q))
+    };
+    stands.into_iter().filter_map(spot).collect()
+}
+
 /// `M`: mean of `G^T G` of the places.
 fn goal<const N: usize>(model: &Model, spots: &[Spot<N>]) -> DMatrix<f64> {
     let size = model.parameters.basis.ncols();
@@ -146,6 +157,8 @@ fn whitened<const N: usize>(spot: &Spot<N>, whitening: &Matrix6<f64>) -> DMatrix
 pub struct Judgement {
     /// Standard deviations, directions, indices.
     pub expected: Expected,
+    /// Root mean square of the predicted error of a place over the workspace, as a calibration expects it, m.
+    pub workspace_rms_m: f64,
     minutes: Minutes,
 }
 
@@ -153,8 +166,9 @@ impl fmt::Display for Judgement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.expected)?;
         let but = if self.expected.is_complete() { "" } else { ", lost directions not counted" };
-        let rms_um = self.expected.rms_m * 1e6;
-        writeln!(f, "predicted error  {rms_um:.1} um rms of a place over the grid of poses{but}")?;
+        let [grid_um, workspace_um] = [self.expected.rms_m, self.workspace_rms_m].map(|rms_m| rms_m * 1e6);
+        writeln!(f, "predicted error  {grid_um:.1} um rms of a place over the grid of poses{but}")?;
+        writeln!(f, "                 {workspace_um:.1} um rms over the workspace, as calibrate expects it{but}")?;
         write!(f, "time             {}", self.minutes)
     }
 }
@@ -247,7 +261,7 @@ fn in_order<'a, K: MachineKind<N>, const N: usize>(
 ) -> Vec<&'a Spot<N>> {
     let mut here = robot.home_m();
     let mut order = Vec::with_capacity(left.len());
-    let way = |from: &nalgebra::Vector3<f64>, to: usize| (from - spots[to].pose.position_m).norm();
+    let way = |from: &Vector3<f64>, to: usize| (from - spots[to].pose.position_m).norm();
     while let Some(next) = left.iter().copied().min_by(|one, other| way(&here, *one).total_cmp(&way(&here, *other))) {
         left.retain(|index| *index != next);
         here = spots[next].pose.position_m;
@@ -287,7 +301,8 @@ pub fn judge<K: PlannedMachine<N>, const N: usize>(
     let goal = goal(&model, &spots(robot, &model));
     let readings = rows.nrows();
     let expected = Expected::new(&model.parameters, rows, readings, &goal);
-    Ok(Judgement { expected, minutes: Minutes::of_places(poses.len()) })
+    let workspace_rms_m = expected.rms_m_of(&self::goal(&model, &workspace(robot, &model)));
+    Ok(Judgement { expected, workspace_rms_m, minutes: Minutes::of_places(poses.len()) })
 }
 
 /// Reads a plan of poses and judges it. Returns what to expect, and reasons not to measure it as it is.

@@ -121,8 +121,7 @@ fn unturned_poses_of_the_f1_are_refused_by_name() {
 fn places_on_a_line_are_judged() {
     let robot = RobotFile::builtin_l2().unwrap();
     let model = Model::of(&robot.model);
-    let places =
-        (0..12_u32).map(|step| Pose::at(robot.home_m() + nalgebra::Vector3::x() * (f64::from(step) * 0.05 - 0.3)));
+    let places = (0..12_u32).map(|step| Pose::at(robot.home_m() + Vector3::x() * (f64::from(step) * 0.05 - 0.3)));
     let spots = places.enumerate().map(|(index, pose)| {
         let spot = model.spot(&robot, pose).unwrap();
         PlannedPose::new(Name::made(index), &spot.pose, &spot.q)

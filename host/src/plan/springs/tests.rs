@@ -214,6 +214,34 @@ fn options_that_cannot_be_are_named() {
     assert!(none.contains("c_link is missing"), "{none}");
 }
 
+#[test]
+fn options_are_taken_up_to_their_limits() {
+    let noise = |gauge_um: f64, force_n: f64| Noise { gauge_um, force_n, ..Noise::USUAL };
+    let usual = SpringsOptions::default;
+    for (option, ends, beyond) in [("--series", [1, 200], [0, 201]), ("--poses", [1, 100], [0, 101])] {
+        let options = |count: usize| match option {
+            "--series" => SpringsOptions { series: count, ..usual() },
+            _ => SpringsOptions { poses: count, ..usual() },
+        };
+        assert!(ends.iter().all(|count| options(*count).check().is_ok()), "{option}");
+        assert!(beyond.iter().all(|count| options(*count).check().unwrap_err().to_string().starts_with(option)));
+    }
+    for (option, ends, beyond) in [
+        ("--force-max", [10.0, 10_000.0], [9.9, 10_001.0]),
+        ("--noise-um", [1e-3, 1e3], [0.9e-3, 1.001e3]),
+        ("--noise-n", [1e-3, 1e3], [0.9e-3, 1.001e3]),
+    ] {
+        let options = |value: f64| match option {
+            "--force-max" => SpringsOptions { force_max_n: value, ..usual() },
+            "--noise-um" => SpringsOptions { noise: noise(value, 1.0), ..usual() },
+            _ => SpringsOptions { noise: noise(1.0, value), ..usual() },
+        };
+        assert!(ends.iter().all(|value| options(*value).check().is_ok()), "{option}");
+        assert!(beyond.iter().all(|value| options(*value).check().unwrap_err().to_string().starts_with(option)));
+        assert!(options(f64::NAN).check().is_err(), "{option}");
+    }
+}
+
 /// Reads the plan of a set-up as `experiment` does.
 fn checked(setup: &Setup) -> Result<(), crate::measurements::FileError> {
     let path = std::path::Path::new("plan.toml");

@@ -295,3 +295,24 @@ fn has_many_outliers<const N: usize>(found: &Found<'_, N>) -> bool {
     let readings = found.agreement.solved.rows.residuals.len() + refused;
     float(refused) > MOST_OUTLIERS * float(readings)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::springs::campaigns::{Bench, FINE, campaign_a, normal, seeded};
+
+    #[test]
+    fn noise_is_no_signal_of_a_gauge() {
+        for seed in 0..20 {
+            let mut random = seeded(seed);
+            let mut bench: Bench<3> = campaign_a(FINE);
+            for window in &mut bench.campaign.windows {
+                window.readings_m[0] = Some(FINE.gauge_um * 1e-6 * normal(&mut random));
+            }
+            assert!(!gauge_has_signal(&bench.campaign, 0), "{seed}");
+            // One window of 99 is off by 20 standard deviations: 400, less its share of the mean of eleven.
+            bench.campaign.windows[4].readings_m[0] = Some(20e-6);
+            assert!(gauge_has_signal(&bench.campaign, 0), "{seed}");
+        }
+    }
+}

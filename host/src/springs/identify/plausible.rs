@@ -238,3 +238,49 @@ fn changes<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: u
     }
     changes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::springs::campaigns::{Bench, FINE, campaign_a};
+
+    /// Three tenths of what is predicted, with a zero in each series.
+    #[test]
+    fn the_share_that_a_gauge_shows_is_that_of_its_changes() {
+        let bench: Bench<3> = campaign_a(FINE);
+        let predicted_m = |window: usize| 1e-6 * float(window % 11);
+        let pairs: Vec<(usize, [f64; 2])> = (0..bench.campaign.windows.len())
+            .map(|window| (window, predicted_m(window), 1e-3 * float(bench.campaign.windows[window].series)))
+            .map(|(window, predicted_m, zero_m)| (window, [zero_m + 0.3 * predicted_m, predicted_m]))
+            .collect();
+        let [share, sd] = shown(&bench.campaign, &pairs, 1e-6);
+        // Eleven steps of a micrometre in each of nine series: 110 um^2 about their mean.
+        assert!((share - 0.3).abs() < 1e-9 && (sd - 1.0 / f64::sqrt(9.0 * 110.0)).abs() < 1e-9, "{share} {sd}");
+    }
+
+    /// Campaign A, whose first series has no load but what `change` makes of its fourth window.
+    fn with_load(change: impl Fn(&mut crate::measurements::springs::Window<3>)) -> Result<(), FileError> {
+        let mut bench: Bench<3> = campaign_a(FINE);
+        let first = bench.campaign.windows.iter_mut().filter(|window| window.series == 0);
+        for (index, window) in first.enumerate() {
+            window.load = nalgebra::Vector6::zeros();
+            if index == 3 {
+                change(window);
+            }
+        }
+        loads(&bench.campaign)
+    }
+
+    #[test]
+    fn a_load_of_one_component_is_one() {
+        let sds = [FINE.force_n, FINE.force_n, FINE.force_n, FINE.moment_nm, FINE.moment_nm, FINE.moment_nm];
+        for (component, sd) in sds.into_iter().enumerate() {
+            with_load(|window| window.load[component] = -5.1 * sd).unwrap();
+            let refused = with_load(|window| window.load[component] = 4.9 * sd).unwrap_err().to_string();
+            assert!(refused.contains("changes by 4.9 standard deviations"), "{refused}");
+        }
+        with_load(|window| window.pushes_n[1] = 5.1 * FINE.force_n).unwrap();
+        let refused = with_load(|_| ()).unwrap_err().to_string();
+        assert!(refused.contains("changes by 0.0 standard deviations"), "{refused}");
+    }
+}

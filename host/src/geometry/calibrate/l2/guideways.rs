@@ -74,3 +74,18 @@ pub(super) fn values(state: &Nominal) -> DVector<f64> {
     let own = arms.flat_map(|(origin, length)| [origin.x, origin.y, origin.z, length]);
     DVector::from_iterator(PARALLEL_PARAMETERS, own.chain(state.guideways[0].iter().copied()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parallel_guideways_are_proposed_or_doubted_by_what_was_asked() {
+        for (p, is_proposed) in [(0.5, true), (0.02, true), (0.005, false), (0.0, false)] {
+            let guideways = Guideways { parallel: Err(FitError::NotFinite), p };
+            let said = |asked| [guideways.remark(asked).is_some(), guideways.doubt(asked).is_some()];
+            assert_eq!(said(GuidewaysOption::Free), [is_proposed, false], "{p}");
+            assert_eq!(said(GuidewaysOption::Parallel), [false, !is_proposed], "{p}");
+        }
+    }
+}
