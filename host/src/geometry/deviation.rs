@@ -60,3 +60,39 @@ impl Deviating<{ f1::AXES }> for F1 {
         forward(self, q, near).ok()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::RobotFile;
+
+    const OFF_M: f64 = 1e-3;
+
+    fn is_off(is: &Vector3<f64>, file: &Vector3<f64>) -> bool {
+        (is - file - Vector3::repeat(OFF_M)).amax() < 1e-12
+    }
+
+    #[test]
+    fn each_number_of_an_l2_is_off_by_its_draw() {
+        let model = RobotFile::builtin_l2().unwrap().model;
+        let [file, off] =
+            [&model, &model.off(OFF_M, &mut || 1.0).unwrap()].map(|model| Nominal::of(model.robot().geometry()));
+        assert!((0..3).all(|arm| is_off(&off.origins_m[arm], &file.origins_m[arm])));
+        assert!((0..3).all(|arm| is_off(&off.guideways[arm], &file.guideways[arm])));
+        assert!((0..3).all(|arm| (off.lengths_m[arm] - file.lengths_m[arm] - OFF_M).abs() < 1e-12));
+    }
+
+    #[test]
+    fn each_number_of_an_f1_is_off_by_its_draw() {
+        let model = RobotFile::builtin_f1().unwrap().model;
+        let [file, off] = [&model, &model.off(OFF_M, &mut || 1.0).unwrap()].map(|model| *model.robot().geometry());
+        assert!((0..3).all(|arm| is_off(&off.carts_m[arm], &file.carts_m[arm])));
+        assert!((0..3).all(|arm| is_off(&off.guideways[arm], &file.guideways[arm])));
+        assert!(off.plate_joints_m.iter().zip(&file.plate_joints_m).all(|(off, file)| is_off(off, file)));
+        assert!(off.platform_joints_m.iter().zip(&file.platform_joints_m).all(|(off, file)| is_off(off, file)));
+        assert!(off.lengths_m.iter().zip(&file.lengths_m).all(|(off, file)| (off - file - OFF_M).abs() < 1e-12));
+        let turned = |file: &Vector3<f64>| (file + Vector3::repeat(OFF_M)).normalize();
+        assert!((off.turn_axis - turned(&file.turn_axis)).amax() < 1e-12);
+        assert!((off.tilt_axis - turned(&file.tilt_axis)).amax() < 1e-12);
+    }
+}

@@ -207,6 +207,15 @@ mod tests {
     }
 
     #[test]
+    fn two_unit_vectors_are_across_a_direction_and_each_other() {
+        for axis in [Vector3::x() * 3.0, Vector3::new(1.0, 2.0, -3.0), Vector3::new(-0.1, 0.1, 0.1)] {
+            let [one, other] = across(&axis);
+            assert!((one.cross(&other) - axis.normalize()).amax() < 1e-12, "{one} {other}");
+            assert!((one.norm() - 1.0).abs() < 1e-12 && one.dot(&other).abs() < 1e-12, "{one} {other}");
+        }
+    }
+
+    #[test]
     fn device_and_target_are_found_together() {
         let motion = |turn: [f64; 3], shift: [f64; 3]| {
             Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn.into()))

@@ -241,3 +241,42 @@ fn rotation(row: &Row<'_>) -> Result<UnitQuaternion<f64>, FileError> {
     }
     Ok(UnitQuaternion::new_normalize(quaternion))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The noise of a covariance with this diagonal, and this entry beside it in both halves.
+    fn of_covariance(diagonal: &[f64], beside: f64) -> Result<Noise, String> {
+        let entry = |row: usize, column: usize| match row.abs_diff(column) {
+            0 => diagonal[row],
+            1 => beside,
+            _ => 0.0,
+        };
+        let size = diagonal.len();
+        let covariance = (0..size).map(|row| (0..size).map(|column| entry(row, column)).collect()).collect();
+        let section = NoiseSection { position_um: None, rotation_urad: None, covariance: Some(covariance) };
+        noise(&section).map_err(|(key, reason)| format!("{key}: {reason}"))
+    }
+
+    #[test]
+    fn a_covariance_is_one_of_places_or_of_places_and_rotations() {
+        let places = of_covariance(&[1e-10, 2e-10, 3e-10], 0.5e-10).unwrap();
+        assert_eq!(
+            (places.position_m2[(2, 2)], places.position_m2[(0, 1)], places.rotation_rad2),
+            (3e-10, 0.5e-10, None)
+        );
+        let both = of_covariance(&[1e-10, 2e-10, 3e-10, 4e-10, 5e-10, 6e-10], 0.5e-10).unwrap();
+        let rotation = both.rotation_rad2.unwrap();
+        assert_eq!((both.position_m2[(2, 2)], rotation[(0, 0)], rotation[(2, 2)]), (3e-10, 4e-10, 6e-10));
+        assert_eq!((both.cross_m_rad[(2, 0)], both.cross_m_rad[(0, 0)]), (0.5e-10, 0.0));
+        for size in [1, 2, 4, 5, 7] {
+            let refused = of_covariance(&vec![1e-10; size], 0.0).unwrap_err();
+            assert!(refused.starts_with("noise.covariance: must be 3 x 3 (places, m^2) or 6 x 6"), "{refused}");
+        }
+        let indefinite = of_covariance(&[1e-10, 1e-10, 1e-10], 2e-10).unwrap_err();
+        assert_eq!(indefinite, "noise.covariance: is not symmetric and positive definite");
+        let wide = of_covariance(&[1e-10, 1e-10, 1.1], 0.0).unwrap_err();
+        assert!(wide.contains("has a standard deviation of 1048808"), "{wide}");
+    }
+}

@@ -72,7 +72,7 @@ fn a_calibration_expects_what_its_plan_has_promised() {
         let said = folder.run(&["plan", "geometry", robot, "--poses", poses, "-o", "places.toml"]).success();
         let line = said.split(" um rms over the workspace").next().unwrap();
         let promised_um: f64 = line.split_whitespace().last().unwrap().parse().unwrap();
-        for seed in ["1", "2", "3"] {
+        let ratio = |seed: u8| {
             let run = |command: &str| folder.run(&command.split(' ').collect::<Vec<_>>()).success();
             run(&format!("experiment places.toml --robot {robot} --simulated {seed} -o places.csv"));
             run(&format!(
@@ -80,10 +80,12 @@ fn a_calibration_expects_what_its_plan_has_promised() {
             ));
             std::fs::remove_file(folder.path("places.csv")).unwrap();
             let found: serde_json::Value = serde_json::from_str(&folder.read("found.json")).unwrap();
-            let ratio = 1e6 * found["predicted_rms_m"].as_f64().unwrap() / promised_um;
-            // The machine is 2 mm off the file that was planned with.
-            assert!((0.7..1.4).contains(&ratio), "{robot}, seed {seed}: {ratio} of {promised_um} um");
-        }
+            1e6 * found["predicted_rms_m"].as_f64().unwrap() / promised_um
+        };
+        // Machines 2 mm off the file that was planned with; one of eight F1s has a place near a singular one.
+        let mut ratios: Vec<f64> = (1..=5).map(ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        assert!((0.85..1.25).contains(&ratios[2]), "{robot}: {ratios:?} of {promised_um} um");
     }
 }
 

@@ -51,3 +51,36 @@ fn image(nominal: &Nominal, arms: usize, shape: &Shape) -> Nominal {
     }
     image
 }
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_core::model::presets;
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    #[test]
+    fn an_image_has_the_distances_of_the_machine_to_the_plane() {
+        let machine = Nominal::of(&presets::l2());
+        let normal = Vector3::new(1.0, 2.0, -2.0) / 3.0;
+        let shape = Shape { centre_m: Vector3::new(0.1, 0.4, 0.6), normal, extents_m: [0.5, 0.4, 0.0] };
+        let [across, beside] = [1.0, 0.3].map(|share| Vector3::new(2.0, -1.0, 0.0) * share);
+        for arms in 0..1_usize << ARMS {
+            let image = image(&machine, arms, &shape);
+            for arm in 0..ARMS {
+                let is_reflected = arms >> arm & 1 == 1;
+                assert_eq!(image.origins_m[arm] != machine.origins_m[arm], is_reflected);
+                // Along its guideway, as far from each place of the plane, and as far beside it on one side or the other.
+                for q in [0.0, 0.7] {
+                    let [joint_m, of_image_m] = [&machine, &image].map(|of| of.origins_m[arm] + of.guideways[arm] * q);
+                    for place in [across, beside].map(|in_plane| shape.centre_m + in_plane) {
+                        assert!(((joint_m - place).norm() - (of_image_m - place).norm()).abs() < 1e-12);
+                    }
+                    let side = |joint_m: Vector3<f64>| (joint_m - shape.centre_m).dot(&normal);
+                    let sign = if is_reflected { -1.0 } else { 1.0 };
+                    assert!((side(of_image_m) - sign * side(joint_m)).abs() < 1e-12);
+                }
+            }
+        }
+    }
+}

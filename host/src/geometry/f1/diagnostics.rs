@@ -250,3 +250,21 @@ fn columns(geometry: &f1::Geometry, q: &[f64; AXES], pose: &Pose, screws: &[Scre
     }
     Some(DMatrix::from_fn(6, columns.len(), |row, column| columns[column][row]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_screw_has_periods_that_four_poses_each_can_show() {
+        // Twenty poses over 1.9 rad: one period of the range, 1.5, ... 5.
+        let screw = Screw::of(1, (0..20_u8).map(|pose| 0.1 * f64::from(pose) - 0.5));
+        assert_eq!((screw.number, screw.axis(), screw.periods_rad.len()), (1, 5, 9));
+        let close = |one: f64, other: f64| (one - other).abs() < 1e-12;
+        assert!(
+            close(screw.from_rad, -0.5) && close(screw.periods_rad[0], 1.9) && close(screw.periods_rad[1], 1.9 / 1.5)
+        );
+        assert!(close(screw.periods_rad[8], 1.9 / 5.0));
+        assert_eq!(Screw::of(0, [0.3; 20].into_iter()).periods_rad, [0.0; 0], "it has not moved");
+    }
+}

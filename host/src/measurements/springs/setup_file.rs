@@ -285,3 +285,29 @@ pub(super) fn gauges<const N: usize>(
     }
     Ok(gauges)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(position_m: [f64; 3], turn_rad: f64) -> Option<String> {
+        let (sine, cosine) = turn_rad.sin_cos();
+        let rotation = [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]];
+        let entry = PoseEntry { name: Name::made("home"), position_m, rotation };
+        poses(&[entry]).err().map(|(key, reason)| format!("{key}: {reason}"))
+    }
+
+    #[test]
+    fn a_pose_is_within_a_kilometre_and_has_a_name_of_its_own() {
+        assert_eq!(refused([1e3, -1e3, 0.5], 0.3), None);
+        for far in [[1_000.1, 0.0, 0.0], [0.0, -1_000.1, 0.0], [0.0, 0.0, f64::NAN]] {
+            assert_eq!(refused(far, 0.3).unwrap(), "pose.home.T: is not within a kilometre; it is in metres");
+        }
+        let entry = |name: &str| PoseEntry { name: Name::made(name), position_m: [0.0; 3], rotation: identity() };
+        assert_eq!(poses(&[entry("a"), entry("b")]).unwrap().len(), 2);
+        assert_eq!(poses(&[entry("a"), entry("b"), entry("a")]).unwrap_err().0, "pose.a.name");
+        let mut mirrored = entry("a");
+        mirrored.rotation[2][2] = -1.0;
+        assert_eq!(poses(&[mirrored]).unwrap_err().1, "is not a rotation matrix");
+    }
+}

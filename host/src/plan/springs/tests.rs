@@ -263,6 +263,9 @@ fn plans_of_others_are_read_strictly() {
     assert_eq!(pose, "plan.toml: series.s2.pose: \"elsewhere\" is not in the set-up");
     let length = refused(|series| series.direction = [1.0, 1.0, 0.0]);
     assert!(length.contains("series.s2.direction: has length 1.41"), "{length}");
+    let long = refused(|series| series.direction = [1.0 + 1.1e-6, 0.0, 0.0]);
+    assert!(long.contains("series.s2.direction: has length 1.0000011"), "{long}");
+    assert!(refused(|series| series.direction = [0.0, 1.0 - 1.1e-6, 0.0]).contains("series.s2.direction: "));
     assert!(refused(|series| series.levels_n = vec![f64::NAN, 0.0]).contains("levels_n: NaN"));
     assert!(refused(|series| series.gauges.clear()).contains("gauges: is empty"));
     assert!(refused(|series| series.name = Name::made("s1")).contains("stands twice"));

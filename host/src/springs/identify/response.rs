@@ -68,17 +68,17 @@ impl<const N: usize> Found<'_, N> {
     pub(super) fn uneven(&self) -> Vec<String> {
         let campaign = self.question.campaign;
         let named = |(gauge, responses): (usize, Responses)| said(campaign, &campaign.gauges[gauge].name, &responses);
-        self.responses().into_iter().enumerate().filter_map(named).collect()
+        self.responses(|weight| weight > 0.0).into_iter().enumerate().filter_map(named).collect()
     }
 
     /// Gauges whose readings change by less than their noise, in a series or from one on.
     pub(super) fn quiet(&self) -> Vec<String> {
-        let found = quiet(self.question.campaign, self.scale(), &self.responses());
+        let found = quiet(self.question.campaign, self.scale(), &self.responses(|_| true));
         found.into_iter().map(|quiet| quiet.said).collect()
     }
 
-    /// Responses of all gauges.
-    fn responses(&self) -> Vec<Responses> {
+    /// Responses of all gauges, by the readings of some weights: readings of a gauge that has come loose may have none.
+    fn responses(&self, counts: fn(f64) -> bool) -> Vec<Responses> {
         let scale = self.scale();
         let campaign = self.question.campaign;
         let deviations = deviations(&self.question, &self.agreement.choice, &self.agreement.solved);
@@ -86,7 +86,7 @@ impl<const N: usize> Found<'_, N> {
         let of_gauge = |gauge: usize| {
             let of_window = |lines: &Lines| {
                 let deviation = deviations[lines.window][gauge] / scale;
-                let is_used = weights[lines.window][gauge] > 0.0 && !deviation.is_nan();
+                let is_used = counts(weights[lines.window][gauge]) && !deviation.is_nan();
                 let change = predicted(&self.question, lines, gauge)? / scale;
                 is_used.then_some((campaign.windows[lines.window].series, deviation, change))
             };

@@ -74,6 +74,9 @@ fn a_recording_is_told_apart_by_the_plan() {
     let names: Vec<_> = made.campaign.windows.iter().map(|window| (window.series, window.window.as_str())).collect();
     let expected: Vec<_> = (0..2).flat_map(|series| ["1", "2", "3", "4", "5"].map(|window| (series, window))).collect();
     assert_eq!((names, &made.campaign.series), (expected, &["x1", "y1"].map(Name::made).to_vec()));
+    // Each level is calm for 6 s at least, and a campaign of ten takes a few minutes of ticks.
+    let times: Vec<f64> = made.campaign.windows.iter().map(|window| window.time_s.unwrap()).collect();
+    assert!(times.windows(2).all(|pair| (5.0..60.0).contains(&(pair[1] - pair[0]))), "{times:?}");
     // By the machine's own springs: a recording has the exact load, and gauges that show whole steps of 0.5 um.
     let springs = robot.true_springs().unwrap();
     for window in &made.campaign.windows {
