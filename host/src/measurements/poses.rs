@@ -276,6 +276,11 @@ mod tests {
         }
         let indefinite = of_covariance(&[1e-10, 1e-10, 1e-10], 2e-10).unwrap_err();
         assert_eq!(indefinite, "noise.covariance: is not symmetric and positive definite");
+        let [lopsided, endless] = [2e-10, f64::NAN].map(|entry| {
+            let covariance = vec![vec![1e-10, entry, 0.0], vec![0.0, 1e-10, 0.0], vec![0.0, 0.0, 1e-10]];
+            noise(&NoiseSection { position_um: None, rotation_urad: None, covariance: Some(covariance) }).is_err()
+        });
+        assert!(lopsided && endless);
         let wide = of_covariance(&[1e-10, 1e-10, 1.1], 0.0).unwrap_err();
         assert!(wide.contains("has a standard deviation of 1048808"), "{wide}");
     }

@@ -216,6 +216,12 @@ mod tests {
     }
 
     #[test]
+    fn a_column_of_zeros_is_one_with_empty_rows_too() {
+        let zeros = Column { name: String::new(), sd: None, values: vec![Some(0.0), None, Some(-0.0)] };
+        assert!(zeros.is_zero() && !column([0.0, 1e-9].into_iter()).is_zero());
+    }
+
+    #[test]
     fn what_stands_still_and_what_is_cut_is_found() {
         assert_eq!(found(noise(99)), None);
         assert_eq!(

@@ -34,3 +34,16 @@ pub(super) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, F
 pub(super) fn beside(setup: &Path, named: &str) -> PathBuf {
     setup.parent().map_or_else(|| PathBuf::from(named), |folder| folder.join(named))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_names_its_line() {
+        for (text, line) in [("a = ", 1), ("a = 1\nb = \nc = 3\n", 2), ("a = 1\nb = 2\n\nb = 3\n", 4)] {
+            let error = parse::<toml::Table>(Path::new("set-up.toml"), text).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("set-up.toml:{line}: ")), "{error}");
+        }
+    }
+}

@@ -202,8 +202,32 @@ fn what_is_not_a_table_of_ticks_is_refused() {
     refused(&|text| text.to_owned(), "raw.csv: no level settles, and stays calm for a window of 2 s");
     let short = bench.refused(|text| row(text, 9, &|row| row.rsplit_once(',').unwrap().0.to_owned()));
     assert!(short.starts_with("raw.csv:9: ") && short.contains("the row has 24 values for 25 columns"), "{short}");
+    let long = bench.refused(|text| row(text, 9, &|row| row.to_owned() + ",1"));
+    assert!(long.starts_with("raw.csv:9: axis3_um: the row has 26 values for 25 columns"), "{long}");
     let quoted = bench.refused(|text| text.to_owned() + "\"" + &"endless\n".repeat(200_000));
     assert!(quoted.contains("a row is longer than 1 MiB") && quoted.lines().count() == 1, "{quoted}");
+}
+
+#[test]
+fn moments_in_another_unit_are_told_by_what_no_machine_bears() {
+    let mut bench = Bench::new("moments");
+    bench.write(&CALM, false);
+    let in_another_unit = |text: &str| {
+        let mut rows = text.lines().map(str::to_owned);
+        let header = rows.next().unwrap() + "\n";
+        let row = |row: String| {
+            let mut fields: Vec<String> = row.split(',').map(str::to_owned).collect();
+            // The mounting has a comma, and is quoted.
+            for field in &mut fields[14..17] {
+                *field = (field.parse::<f64>().unwrap() * 1e4).to_string();
+            }
+            fields.join(",") + "\n"
+        };
+        header + &rows.map(row).collect::<String>()
+    };
+    let said = bench.refused(in_another_unit);
+    assert!(said.starts_with("raw.csv:7202: window: the sensor shows 121 N and "), "{said}");
+    assert!(said.ends_with("; look at the units of its columns"), "{said}");
 }
 
 /// A killed campaign is continued: what it has written are whole rows.
