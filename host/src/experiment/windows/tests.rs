@@ -154,3 +154,18 @@ fn gaps_and_nonsense_begin_the_level_anew() {
     let twice = taken(calm().flat_map(|sample| [sample, sample]));
     assert_eq!(twice, taken(calm()));
 }
+
+/// Of a first-order filter whose neighbours have a correlation of 0.8 a ninth of the samples counts.
+#[test]
+fn samples_that_are_alike_count_less() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let mut white = || -> f64 { StandardNormal.sample(&mut random) };
+    let alone: Vec<f64> = (0..20_000).map(|_| 1e-6 * white()).collect();
+    let alike = alone.iter().scan(0.0, |last, value| {
+        *last = 0.8 * *last + value;
+        Some(*last)
+    });
+    let share = |values: &[f64]| effective(values) / 20_000.0;
+    let of_alike = 9.0 * share(&alike.collect::<Vec<f64>>());
+    assert!((0.8..1.25).contains(&of_alike) && share(&alone) > 0.9, "{of_alike}");
+}

@@ -268,3 +268,73 @@ fn said<const N: usize>(campaign: &Campaign<N>, name: &Name, responses: &[(usize
     };
     Some(format!("gauge {name} {what} (p = {least:.1e})"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::springs::campaigns::{Bench, FINE, campaign_a, normal, seeded};
+
+    const UM: f64 = 1e-6;
+
+    fn close(one: f64, other: f64) {
+        assert!((one - other).abs() < 1e-9 * other.abs().max(1.0), "{one} {other}");
+    }
+
+    /// Gauge 0 shows 0 and 1 um in turn, and other steps elsewhere: its column resolves its noise.
+    #[test]
+    fn scatter_is_told_series_by_series_in_variances_of_each_reading() {
+        let mut bench: Bench<3> = campaign_a(FINE);
+        for (index, window) in bench.campaign.windows.iter_mut().enumerate() {
+            let step_um = if window.series == 1 { 0.25 } else { 1.0 };
+            window.readings_m[0] = Some(5.0 * UM + if index % 2 == 0 { 0.0 } else { step_um * UM });
+        }
+        // Eleven windows a series: six of one number and five of the other, whose squares about the mean are 30 / 11.
+        let scatters_of = |bench: &Bench<3>| scatters(&bench.campaign, 2.0, 0).unwrap();
+        let found = scatters_of(&bench);
+        assert_eq!(found.len(), 9);
+        close(found[0].0, 30.0 / 11.0 / 4.0);
+        close(found[1].0, 30.0 / 11.0 / 4.0 / 16.0);
+        assert!(found.iter().all(|(_, degrees)| *degrees == 10));
+        // A reading that states its own deviation, and one that is missing.
+        bench.campaign.windows.iter_mut().for_each(|window| window.sds_m[0] = Some(0.5 * UM));
+        bench.campaign.windows[0].readings_m[0] = None;
+        let found = scatters_of(&bench);
+        // Five of each are left.
+        assert_eq!(found[0].1, 9);
+        close(found[0].0, 2.5);
+        close(found[2].0, 30.0 / 11.0);
+    }
+
+    #[test]
+    fn a_gauge_falls_short_where_its_share_is_smaller() {
+        let of = |product: f64| Response { product, squares: 100.0 };
+        let responses = [(0, of(0.0)), (1, of(0.0)), (2, of(-100.0)), (3, of(-100.0))];
+        // Shares of 0 and -1 of 200 squares each: their difference has a variance of 1/100.
+        close(falls_short(&responses, &(2..4)) / (chi_squared_above(100.0, 1) / 2.0), 1.0);
+        close(falls_short(&responses, &(0..2)), 1.0);
+        close(falls_short(&responses[..2], &(0..2)), 1.0);
+        close(both(0.1, 0.1), 0.01 * (1.0 - 0.01_f64.ln()));
+        close(both(0.0, 0.5), 0.0);
+    }
+
+    /// A tenth of the noise from series 6 on; by its readings alone, without a response.
+    #[test]
+    fn a_quiet_gauge_is_named_with_its_first_series() {
+        let mut random = seeded(5);
+        let mut bench: Bench<3> = campaign_a(FINE);
+        for window in &mut bench.campaign.windows {
+            let share = if window.series >= 6 { 0.1 } else { 1.0 };
+            window.readings_m[0] = Some(share * UM * normal(&mut random));
+            window.readings_m.iter_mut().skip(1).for_each(|reading| *reading = Some(UM * normal(&mut random)));
+        }
+        let found = quiet(&bench.campaign, 1.0, &[]);
+        let [Quiet { gauge: 0, series: 6, said }] = &found[..] else { panic!("{}", found.len()) };
+        let name = &bench.campaign.gauges[0].name;
+        let said = said.strip_prefix(&format!("gauge {name} scatters from series 6 on by ")).unwrap();
+        let share: f64 = said.split(' ').next().unwrap().parse().unwrap();
+        assert!((0.07..0.13).contains(&share), "{said}");
+        // All are, if the noise is stated ten times too large.
+        let all = quiet(&bench.campaign, 10.0, &[]);
+        assert_eq!(all.len(), bench.campaign.gauges.len());
+    }
+}
