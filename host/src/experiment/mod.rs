@@ -24,6 +24,7 @@ pub mod tracker;
 pub mod windows;
 
 use crate::elastic::ElasticError;
+use crate::experiment::prediction::NotBorne;
 use crate::measurements::FileError;
 use crate::output::Name;
 
@@ -43,6 +44,16 @@ pub enum ExperimentError {
         pose: Name,
         /// The reason.
         reason: String,
+    },
+    /// The sensor shows a load that the machine does not bear.
+    #[error("series {series}, {level_n} N: {error}")]
+    Sensor {
+        /// Series.
+        series: Name,
+        /// Level, N.
+        level_n: f64,
+        /// What it shows.
+        error: NotBorne,
     },
     /// The machine has no equilibrium under a load.
     #[error("series {series}, {level_n} N: {error}")]

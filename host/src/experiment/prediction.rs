@@ -2,6 +2,7 @@
 //! by the rotation that the file's springs predict.
 
 use nalgebra::{UnitQuaternion, Vector6};
+use thiserror::Error;
 
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
@@ -52,13 +53,8 @@ impl<const N: usize> Prediction<N> {
     /// error taken off), with the axes at `q`; `start` is the unloaded machine.
     ///
     /// # Errors
-    /// [`ElasticError`].
-    pub fn load(
-        &self,
-        seen: &Vector6<f64>,
-        q: &[f64; N],
-        start: &Equilibrium<N>,
-    ) -> Result<Vector6<f64>, ElasticError> {
+    /// [`NotBorne`].
+    pub fn load(&self, seen: &Vector6<f64>, q: &[f64; N], start: &Equilibrium<N>) -> Result<Vector6<f64>, NotBorne> {
         self.load_and_turn(seen, q, start).map(|(load, _)| load)
     }
 
@@ -71,10 +67,11 @@ impl<const N: usize> Prediction<N> {
         seen: &Vector6<f64>,
         q: &[f64; N],
         start: &Equilibrium<N>,
-    ) -> Result<(Vector6<f64>, UnitQuaternion<f64>), ElasticError> {
+    ) -> Result<(Vector6<f64>, UnitQuaternion<f64>), NotBorne> {
         let mut now = *start;
         for _ in 0..ROUNDS {
-            now = self.machine.equilibrium(q, &self.turned(seen, &now.pose.rotation), &now)?;
+            let load = self.turned(seen, &now.pose.rotation);
+            now = self.machine.equilibrium(q, &load, &now).map_err(|error| NotBorne::new(seen, error))?;
         }
         Ok((self.turned(seen, &now.pose.rotation), now.pose.rotation))
     }
@@ -83,6 +80,27 @@ impl<const N: usize> Prediction<N> {
     #[must_use]
     pub fn turned(&self, seen: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
         self.mounting.load(seen, platform)
+    }
+}
+
+/// A load that the sensor shows, under which the robot file's machine has no equilibrium.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error(
+    "the sensor shows {force_n:.0} N and {moment_nm:.0} N m, which the robot file's machine does not bear: {error}; look at the sensor's units"
+)]
+pub struct NotBorne {
+    /// Size of the force, N.
+    pub force_n: f64,
+    /// Size of the moment, N m.
+    pub moment_nm: f64,
+    /// The elastic model's error.
+    pub error: ElasticError,
+}
+
+impl NotBorne {
+    fn new(seen: &Vector6<f64>, error: ElasticError) -> Self {
+        let [force_n, moment_nm] = [0, 3].map(|first| seen.fixed_rows::<3>(first).norm());
+        Self { force_n, moment_nm, error }
     }
 }
 

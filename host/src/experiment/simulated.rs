@@ -127,7 +127,11 @@ impl<const N: usize> Bench<'_, N> {
                 (now, load) = pulled(&mut springs, &held_q, series, &began, &now, level_n).map_err(failed(level_n))?;
             }
             let seen = self.sensor.shown(&load, &now.pose.rotation) - tare;
-            let indicated = self.prediction.load(&seen, &held_q, &assumed).map_err(failed(level_n))? + noise;
+            let indicated = self.prediction.load(&seen, &held_q, &assumed);
+            let indicated = indicated.map_err(|error| {
+                let series = series.name.clone();
+                ExperimentError::Sensor { series, level_n, error }
+            })? + noise;
             let seconds = self.time_s - begin_s;
             let place = |gauge| (index, series.mounting, gauge);
             let loaded = springs.loaded(began.pose, now, load, &series.wrist_rad);

@@ -13,10 +13,10 @@ use nalgebra::Vector6;
 
 use super::LiveReport;
 use super::probe::Tick;
-use crate::elastic::{ElasticError, Equilibrium};
+use crate::elastic::Equilibrium;
 use crate::experiment::ExperimentError;
 use crate::experiment::place::Place;
-use crate::experiment::prediction::Prediction;
+use crate::experiment::prediction::{NotBorne, Prediction};
 use crate::experiment::pull::{Pull, tolerance_n};
 use crate::experiment::raw::table::{Part, RawTable};
 use crate::experiment::table::{Row, Table};
@@ -344,9 +344,9 @@ impl<const N: usize> Campaign<N> {
         Ok(load)
     }
 
-    fn failed(&self, error: ElasticError) -> ExperimentError {
+    fn failed(&self, error: NotBorne) -> ExperimentError {
         let series = self.plan.series[self.series].name.clone();
-        ExperimentError::Load { series, level_n: self.level_n(), error }
+        ExperimentError::Sensor { series, level_n: self.level_n(), error }
     }
 
     /// Takes a window; with gauges that are typed in, asks for them first.

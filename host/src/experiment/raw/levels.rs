@@ -227,13 +227,9 @@ impl<const N: usize> Levels<'_, N> {
         }
         if !is_tare {
             let seen = shown - self.series.tare.unwrap_or_default();
-            let load = prediction.load(&seen, &means.q, &place.unloaded).map_err(|error| {
-                let [force_n, moment_nm] = [0, 3].map(|first| seen.fixed_rows::<3>(first).norm());
-                let reason = format!(
-                    "the sensor shows {force_n:.0} N and {moment_nm:.0} N m, which the robot file's machine does not bear: {error}; look at the units of its columns"
-                );
-                FileError::at(&self.source.path.display().to_string(), level.line, "window", reason)
-            })?;
+            let load = prediction
+                .load(&seen, &means.q, &place.unloaded)
+                .map_err(|error| FileError::at(&self.source.path.display().to_string(), level.line, "window", error))?;
             self.made.add(level, means, load, time_s, &self.series.is_read);
         }
         Ok(())

@@ -227,7 +227,7 @@ fn moments_in_another_unit_are_told_by_what_no_machine_bears() {
     };
     let said = bench.refused(in_another_unit);
     assert!(said.starts_with("raw.csv:7202: window: the sensor shows 121 N and "), "{said}");
-    assert!(said.ends_with("; look at the units of its columns"), "{said}");
+    assert!(said.ends_with("; look at the sensor's units"), "{said}");
 }
 
 /// A killed campaign is continued: what it has written are whole rows.

@@ -157,8 +157,8 @@ fn whitened<const N: usize>(spot: &Spot<N>, whitening: &Matrix6<f64>) -> DMatrix
 pub struct Judgement {
     /// Standard deviations, directions, indices.
     pub expected: Expected,
-    /// Root mean square of the predicted error of a place over the workspace, as a calibration expects it, m.
-    pub workspace_rms_m: f64,
+    /// Root mean square of the predicted error of a place over the workspace, as a calibration expects it, m; `None` where nothing is reached.
+    pub workspace_rms_m: Option<f64>,
     minutes: Minutes,
 }
 
@@ -166,9 +166,11 @@ impl fmt::Display for Judgement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.expected)?;
         let but = if self.expected.is_complete() { "" } else { ", lost directions not counted" };
-        let [grid_um, workspace_um] = [self.expected.rms_m, self.workspace_rms_m].map(|rms_m| rms_m * 1e6);
-        writeln!(f, "predicted error  {grid_um:.1} um rms of a place over the grid of poses{but}")?;
-        writeln!(f, "                 {workspace_um:.1} um rms over the workspace, as calibrate expects it{but}")?;
+        let rms_um = self.expected.rms_m * 1e6;
+        writeln!(f, "predicted error  {rms_um:.1} um rms of a place over the grid of poses{but}")?;
+        if let Some(rms_um) = self.workspace_rms_m.map(|rms_m| rms_m * 1e6) {
+            writeln!(f, "                 {rms_um:.1} um rms over the workspace, as calibrate expects it{but}")?;
+        }
         write!(f, "time             {}", self.minutes)
     }
 }
@@ -301,7 +303,8 @@ pub fn judge<K: PlannedMachine<N>, const N: usize>(
     let goal = goal(&model, &spots(robot, &model));
     let readings = rows.nrows();
     let expected = Expected::new(&model.parameters, rows, readings, &goal);
-    let workspace_rms_m = expected.rms_m_of(&self::goal(&model, &workspace(robot, &model)));
+    let reached = workspace(robot, &model);
+    let workspace_rms_m = (!reached.is_empty()).then(|| expected.rms_m_of(&self::goal(&model, &reached)));
     Ok(Judgement { expected, workspace_rms_m, minutes: Minutes::of_places(poses.len()) })
 }
 

@@ -63,6 +63,11 @@ impl Bench {
 
     /// Lets seconds pass.
     fn wait(&mut self, seconds: u32) {
+        self.passes(seconds).unwrap();
+    }
+
+    /// Lets seconds pass, until an error.
+    fn passes(&mut self, seconds: u32) -> Result<(), ExperimentError> {
         let mounting = Mounting::from(&self.robot.sensor);
         let place = &self.campaign.places[0];
         let (nominal, rotation) = (place.nominal, place.unloaded.pose.rotation);
@@ -83,9 +88,10 @@ impl Bench {
             let mut nominal = nominal;
             nominal[0].0 += self.off_nm;
             let sample = Sample { tick: self.tick, q, wrench, lengths_m, gauges };
-            self.campaign.feed(&Tick { sample, nominal }).unwrap();
+            self.campaign.feed(&Tick { sample, nominal })?;
             self.tick += 1;
         }
+        Ok(())
     }
 
     fn key(&mut self, line: &str) {
@@ -163,10 +169,24 @@ fn what_is_waited_for_is_said_every_five_seconds() {
     assert_eq!(said.matches("press Enter with the strap slack").count(), 5, "once in the pose, then reminders: {said}");
 }
 
+/// A force sensor that counts in other units than it should.
+#[test]
+fn a_load_that_no_machine_bears_is_told_with_its_size() {
+    let mut bench = Bench::new("units", &[0, 60], true);
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    bench.pull_n = (1e6, 0.0);
+    let said = bench.passes(1).unwrap_err().to_string();
+    // The mean of a tenth of a second, of which two ticks are that far.
+    assert!(said.starts_with("series x1, 60 N: the sensor shows 20000 N and 0 N m, which "), "{said}");
+    assert!(said.ends_with("; look at the sensor's units"), "{said}");
+}
+
 /// A gauge that was touched before the first window: no row has the series' first name.
 #[test]
-fn a_series_mounted_anew_before_its_first_window_is_not_asked_for_again() {
-    let mut bench = Bench::new("anew", &[0, 60, 0], true);
+fn a_series_remounted_before_its_first_window_is_not_asked_for_again() {
+    let mut bench = Bench::new("remounted", &[0, 60, 0], true);
     bench.wait(1);
     bench.key("remount");
     bench.wait(1);
