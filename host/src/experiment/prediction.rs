@@ -1,11 +1,12 @@
 //! Load on the platform from the force sensor. The sensor turns with the platform, 2.5 mrad at 300 N on an L2, so what it sees is turned back
 //! by the rotation that the file's springs predict.
 
-use nalgebra::{UnitQuaternion, Vector6};
+use nalgebra::{Matrix6, UnitQuaternion, Vector6};
 use thiserror::Error;
 
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use crate::measurements::wrench_columns::WrenchMap;
 use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
 use crate::sim::force_sensor::Mounting;
@@ -47,6 +48,18 @@ impl<const N: usize> Prediction<N> {
     #[must_use]
     pub fn weight_seen(&self, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
         self.mounting.seen(&Vector6::zeros(), platform)
+    }
+
+    /// Returns how the load follows from what the sensor sees, with the platform as in a pose.
+    pub(super) fn wrench_map(&self, pose: &gantry_tau_core::model::kinematics::Pose) -> WrenchMap {
+        let platform = UnitQuaternion::from_matrix(&pose.rotation);
+        let load = |seen: &Vector6<f64>| self.mounting.load(seen, &platform);
+        let seen = |load: &Vector6<f64>| self.mounting.seen(load, &platform);
+        let columns_of = |map: &dyn Fn(&Vector6<f64>) -> Vector6<f64>| {
+            let zero = map(&Vector6::zeros());
+            Matrix6::from_columns(&[0, 1, 2, 3, 4, 5].map(|column| map(&Vector6::ith(column, 1.0)) - zero))
+        };
+        WrenchMap { load_of_columns: columns_of(&load), columns_of_load: columns_of(&seen) }
     }
 
     /// Returns the load on the platform, about the tool centre point where it is, world axes, from what the sensor sees (sensor axes, its zero

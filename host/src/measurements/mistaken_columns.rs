@@ -3,8 +3,6 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use super::springs::LOAD;
-
 /// Newtons of a kilogram's weight.
 const NEWTONS_PER_KG: f64 = 9.806_65;
 /// Forces, moments and all of the wrench.
@@ -25,8 +23,8 @@ pub(crate) struct MistakenColumns {
 }
 
 impl MistakenColumns {
-    /// All that a table can show by itself, the simplest first.
-    pub(crate) fn all() -> impl Iterator<Item = Self> {
+    /// All that a table can show by itself, the simplest first; `names`: those of its six columns.
+    pub(crate) fn all(names: [&'static str; 6]) -> impl Iterator<Item = Self> {
         let groups = [
             Self::scaled(&FORCES, -1.0, "the forces have the wrong sign; negate these columns"),
             Self::scaled(&MOMENTS, -1.0, "the moments have the wrong sign; negate these columns"),
@@ -35,7 +33,7 @@ impl MistakenColumns {
             Self::scaled(&MOMENTS, 1e-3, "the moments are in N mm; write N m"),
         ];
         let single = ALL.map(|column| Self::scaled(&[column], -1.0, "this column has the wrong sign; negate it"));
-        groups.into_iter().chain(single).chain(orders())
+        groups.into_iter().chain(single).chain(orders(names))
     }
 
     /// Columns that must be multiplied.
@@ -45,7 +43,7 @@ impl MistakenColumns {
     }
 
     /// Columns in another order, or along other axes.
-    fn ordered(forces: &Matrix3<f64>, moments: &Matrix3<f64>) -> Self {
+    fn ordered(names: &[&str; 6], forces: &Matrix3<f64>, moments: &Matrix3<f64>) -> Self {
         let mut mended = Matrix6::zeros();
         mended.fixed_view_mut::<3, 3>(0, 0).copy_from(forces);
         mended.fixed_view_mut::<3, 3>(3, 3).copy_from(moments);
@@ -55,28 +53,30 @@ impl MistakenColumns {
         let reason = if is_swap {
             SWAPPED.to_owned()
         } else {
-            let written: Vec<String> = columns.iter().map(|column| signed(&mended.row(*column).transpose())).collect();
+            let signed = |column: &usize| signed(names, &mended.row(*column).transpose());
+            let written: Vec<String> = columns.iter().map(signed).collect();
             format!("the wrench is along other axes; write {} in their place", written.join(", "))
         };
         Self { columns, mended, reason }
     }
 
-    /// Names of the columns.
-    pub(crate) fn names(&self) -> String {
-        self.columns.iter().map(|column| LOAD[*column]).collect::<Vec<_>>().join(", ")
+    /// Those of the names of the table's six columns that are mistaken.
+    pub(crate) fn list(&self, names: &[&str; 6]) -> String {
+        self.columns.iter().map(|column| names[*column]).collect::<Vec<_>>().join(", ")
     }
 }
 
 /// Orders of the columns of forces, of moments, and axes of the whole wrench, other than the right ones.
-fn orders() -> impl Iterator<Item = MistakenColumns> {
+fn orders(names: [&'static str; 6]) -> impl Iterator<Item = MistakenColumns> {
     let all = signed_permutations();
     let is_other = |matrix: &Matrix3<f64>| *matrix != Matrix3::identity();
     let plain: Vec<_> = all.iter().filter(|matrix| is_other(matrix) && matrix.min() >= 0.0).copied().collect();
     let turned: Vec<_> = all.into_iter().filter(|matrix| is_other(matrix) && matrix.determinant() > 0.0).collect();
     let swapped = plain.clone().into_iter().filter(|matrix| matrix.determinant() < 0.0);
-    let one = plain.clone().into_iter().map(|matrix| MistakenColumns::ordered(&matrix, &Matrix3::identity()));
-    let other = plain.into_iter().map(|matrix| MistakenColumns::ordered(&Matrix3::identity(), &matrix));
-    one.chain(other).chain(swapped.chain(turned).map(|matrix| MistakenColumns::ordered(&matrix, &matrix)))
+    let one = plain.clone().into_iter().map(|matrix| [matrix, Matrix3::identity()]);
+    let other = plain.into_iter().map(|matrix| [Matrix3::identity(), matrix]);
+    let both = swapped.chain(turned).map(|matrix| [matrix, matrix]);
+    one.chain(other).chain(both).map(move |[forces, moments]| MistakenColumns::ordered(&names, &forces, &moments))
 }
 
 /// The 48 matrices that put three axes in another order, and reverse some.
@@ -91,22 +91,23 @@ fn signed_permutations() -> Vec<Matrix3<f64>> {
 }
 
 /// The one column that a row of a signed permutation takes, with its sign.
-fn signed(row: &Vector6<f64>) -> String {
+fn signed(names: &[&str; 6], row: &Vector6<f64>) -> String {
     let column = row.iamax();
-    format!("{}{}", if row[column] < 0.0 { "-" } else { "" }, LOAD[column])
+    format!("{}{}", if row[column] < 0.0 { "-" } else { "" }, names[column])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measurements::springs::LOAD;
 
     #[test]
     fn orders_are_all_that_differ_and_axes_stay_right_handed() {
-        let all: Vec<MistakenColumns> = orders().collect();
+        let all: Vec<MistakenColumns> = orders(LOAD).collect();
         // Of the forces or the moments, swaps in both, and axes of the whole wrench.
         assert_eq!(all.len(), 5 + 5 + 3 + 23);
         let told: std::collections::HashSet<String> =
-            all.iter().map(|order| format!("{} {}", order.names(), order.reason)).collect();
+            all.iter().map(|order| format!("{} {}", order.list(&LOAD), order.reason)).collect();
         assert_eq!(told.len(), all.len(), "each has its own sentence");
         for order in &all {
             let table = Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0);

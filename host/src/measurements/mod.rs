@@ -11,6 +11,7 @@ mod setup;
 pub mod springs;
 pub(crate) mod table;
 pub mod tool;
+pub mod wrench_columns;
 
 use std::fmt;
 use std::path::{Path, PathBuf};

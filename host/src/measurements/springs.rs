@@ -8,6 +8,7 @@ use nalgebra::{SVector, Vector6};
 
 use super::plan::before_remount;
 use super::repeated::{self, Column};
+use super::wrench_columns::WrenchColumns;
 use super::{FileError, setup, table};
 use crate::fit::statistics::float;
 use crate::output::Name;
@@ -80,6 +81,8 @@ pub struct Campaign<const N: usize> {
     pub setup: SetupNoise,
     /// Poses, with their names.
     pub poses: Vec<(Name, Pose)>,
+    /// Columns of the table that the loads were read from.
+    pub wrench: WrenchColumns,
     /// Gauges.
     pub gauges: Vec<NamedGauge>,
     /// Names of the series.
@@ -110,6 +113,7 @@ impl<const N: usize> Campaign<N> {
             noise: noise.unwrap_or(Noise::USUAL),
             is_noise_stated: noise.is_some(),
             setup: setup.unwrap_or_default(),
+            wrench: WrenchColumns::of_load(poses.len()),
             poses,
             gauges,
             series,

@@ -12,6 +12,7 @@ use super::loaded::Loaded;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium};
 use crate::measurements::springs::{Campaign, Noise, SeriesEntry, SetupNoise, Window};
+use crate::measurements::wrench_columns::WrenchColumns;
 use crate::model::{L2, MachineKind};
 use crate::output::Name;
 use crate::plan::springs::default_gauges;
@@ -94,6 +95,7 @@ impl<const N: usize> Bench<N> {
             noise,
             is_noise_stated: true,
             setup: SetupNoise::default(),
+            wrench: WrenchColumns::of_load(places.len()),
             poses: poses.map(|pose| (Name::made(""), pose)).collect(),
             gauges,
             mountings: series.clone(),

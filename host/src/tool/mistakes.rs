@@ -87,7 +87,7 @@ impl<const N: usize> Question<'_, N> {
         let of_columns = |mistake: MistakenColumns| {
             let mended = mended(self.readings, &mistake.mended);
             let chi2 = self.explained(&mended)?;
-            self.has_signal(&mistake, &mended).then(|| (chi2, (mistake.names(), mistake.reason)))
+            self.has_signal(&mistake, &mended).then(|| (chi2, (mistake.list(&LOAD), mistake.reason)))
         };
         let of_rows = |moved: MovedRows| {
             let of_row = |(set, measured): (&Turned, &Turned)| Turned { raw: measured.raw, ..*set };
@@ -96,7 +96,7 @@ impl<const N: usize> Question<'_, N> {
         };
         // Few readings are explained without one of them, in any order.
         let moved = MovedRows::ALL.into_iter().filter(|_| self.readings.len() >= LEAST_READINGS);
-        simplest(MistakenColumns::all().filter_map(of_columns).chain(moved.filter_map(of_rows)), LEAST_GAIN)
+        simplest(MistakenColumns::all(LOAD).filter_map(of_columns).chain(moved.filter_map(of_rows)), LEAST_GAIN)
     }
 
     /// The one reading without which a tool explains the others.

@@ -13,6 +13,7 @@ use super::*;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::{ElasticMachine, Equilibrium, Pose};
 use crate::measurements::springs::{Campaign, NamedGauge, Noise, SetupNoise, Window};
+use crate::measurements::wrench_columns::WrenchColumns;
 use crate::model::{Held, L2, MachineKind, Wrist};
 use crate::output::Name;
 use crate::robot_file::{AnyRobotFile, Identified, RobotFile, WristJoint, text_of};
@@ -216,6 +217,7 @@ fn measured(file: &RobotFile<L2, N>, truth: &Compliances<N>, setup: SetupNoise, 
         noise: NOISE,
         is_noise_stated: true,
         setup,
+        wrench: WrenchColumns::of_load(poses.len()),
         poses,
         gauges: gauges(),
         mountings: series.clone(),

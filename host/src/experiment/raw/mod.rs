@@ -25,7 +25,8 @@ use std::path::Path;
 use super::place::Place;
 use super::prediction::Prediction;
 use crate::measurements::FileError;
-use crate::measurements::springs::{Campaign, NamedGauge, Setup, WINDOW, axis_columns, read_setup};
+use crate::measurements::springs::{Campaign, LOAD, NamedGauge, Setup, WINDOW, axis_columns, read_setup};
+use crate::measurements::wrench_columns::WrenchColumns;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 use made::Made;
@@ -95,6 +96,9 @@ pub fn read<K: MachineKind<N>, const N: usize>(
     let Made { series, mountings, windows, missed, .. } = made;
     let crc = watch.checksum.into_inner().finalize();
     let campaign = Campaign::of(of_setup, path, crc, &robot.metres_per_q, [series, mountings], windows);
+    let names = if is_record { LOAD } else { SENSOR };
+    let maps = campaign.poses.iter().map(|(_, pose)| prediction.wrench_map(pose)).collect();
+    let campaign = Campaign { wrench: WrenchColumns { names, maps }, ..campaign };
     Ok(RawCampaign { campaign, missed })
 }
 

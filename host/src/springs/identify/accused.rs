@@ -1,6 +1,7 @@
 //! Mistakes that people make with a campaign are refused or named, and campaigns without one are accused of nothing.
 
-use nalgebra::Vector3;
+use gantry_tau_core::model::linalg::cross_matrix;
+use nalgebra::{Matrix6, Rotation3, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
@@ -8,7 +9,9 @@ use super::response::first_quiet;
 use super::weak::{GAP_M, KINDS, OPENS_AT_N, measured, on_home, options, seeds, strap};
 use super::*;
 use crate::fit::answer::Parameter;
+use crate::measurements::mistaken_columns::MistakenColumns;
 use crate::measurements::springs::{Noise, Window};
+use crate::measurements::wrench_columns::{WrenchColumns, WrenchMap};
 use crate::robot_file::RobotFile;
 use crate::springs::campaigns::{Bench, FINE, HOOKS, Strap, campaign_a, never, normal, seeded, straps};
 
@@ -309,6 +312,31 @@ fn mistakes_with_an_f1_are_refused_or_named() {
     assert_named(mistakes(), f1);
 }
 
+/// A table of ticks has what the sensor shows about its own origin, along its own axes.
+#[test]
+fn columns_of_a_sensor_are_named_along_its_axes() {
+    let turn = Rotation3::from_scaled_axis(Vector3::new(0.4, -0.7, 0.3)).into_inner();
+    let mut load_of_columns = Matrix6::zeros();
+    load_of_columns.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+    load_of_columns.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
+    load_of_columns.fixed_view_mut::<3, 3>(3, 0).copy_from(&(cross_matrix(&Vector3::new(0.02, 0.01, 0.12)) * turn));
+    let map = WrenchMap { load_of_columns, columns_of_load: load_of_columns.try_inverse().unwrap() };
+    let names = ["sensor_x", "sensor_y", "sensor_z", "sensor_mx", "sensor_my", "sensor_mz"];
+    let mistakes =
+        MistakenColumns::all(names).filter(|mistake| mistake.columns.len() <= 3 && mistake.mended.amax() < 100.0);
+    let mut count = 0;
+    for mistake in mistakes {
+        let (mut bench, truth) = good(campaign_a(FINE), 5);
+        bench.campaign.wrench = WrenchColumns { names, maps: vec![map] };
+        let spoiled = mistake.mended.try_inverse().unwrap();
+        bench.campaign.windows.iter_mut().for_each(|window| window.load = map.mended(&spoiled, &window.load));
+        let Verdict::Refused(said) = verdict(&bench, &truth) else { panic!("{mistake:?}") };
+        assert!(said.contains(&format!("{}: {}", mistake.list(&names), mistake.reason)), "{mistake:?}: {said}");
+        count += 1;
+    }
+    assert_eq!(count, 20);
+}
+
 fn assert_named<const N: usize, const M: usize>(mistakes: [Mistake<N>; M], planned: impl Fn() -> Bench<N>) {
     let mut failures = Vec::new();
     for Mistake(name, words, spoil) in mistakes {
@@ -495,6 +523,21 @@ fn large_residuals_without_noise_and_repeats_are_not_believed() {
         let doubt = found.lack_of_fit(true);
         assert_eq!(doubt.is_some(), is_doubted, "{noise_um} um: {doubt:?}");
         assert!(doubt.is_none_or(|doubt| doubt.contains("no level was measured twice")));
+    }
+}
+
+#[test]
+fn more_than_a_tenth_of_the_readings_left_out_is_told() {
+    for (every, is_told) in [(12, false), (8, true)] {
+        let (mut bench, _) = good(campaign_a(FINE), 4);
+        let readings = bench.campaign.windows.iter_mut().flat_map(|window| &mut window.readings_m).flatten();
+        for (index, reading) in readings.skip(3).step_by(every).enumerate() {
+            *reading += if index % 2 == 0 { 40e-6 } else { -40e-6 };
+        }
+        let found = find(bench.question(), &options()).unwrap();
+        let answer = found.answer("l2");
+        let said = found.doubts(&answer).iter().any(|doubt| doubt.contains("of 891 readings do not agree"));
+        assert_eq!(said, is_told, "one in {every}: {}", answer.outliers.len());
     }
 }
 

@@ -6,12 +6,12 @@
 
 use std::iter;
 
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector6};
 
 use crate::measurements::FileError;
 use crate::measurements::mistaken_columns::{ALL, MistakenColumns, SWAPPED};
 use crate::measurements::moved_rows::MovedRows;
-use crate::measurements::springs::{Campaign, LOAD, Window};
+use crate::measurements::springs::{Campaign, Window};
 use crate::springs::choice::Choice;
 use crate::springs::decision::check_positive;
 use crate::springs::fit::{Solved, rounds};
@@ -64,8 +64,9 @@ struct Mistake {
 }
 
 impl Mistake {
-    /// All of them, the simplest first.
-    fn all(gauges: usize) -> impl Iterator<Item = Self> {
+    /// All that are possible in a campaign, the simplest first.
+    fn all<const N: usize>(campaign: &Campaign<N>) -> impl Iterator<Item = Self> {
+        let gauges = campaign.gauges.len();
         let load = |MistakenColumns { columns, mended, reason }| Self {
             change: Change::Load { columns, mended: Box::new(mended) },
             reason,
@@ -79,7 +80,8 @@ impl Mistake {
         let pairs =
             pairs.map(move |(one, other)| Self { change: Change::SwapGauges(one, other), reason: SWAPPED.to_owned() });
         let reversed = "the wrench has the wrong sign: it is the load on the platform, not what the platform pulls with; negate these columns";
-        let wrench = iter::once(MistakenColumns::scaled(&ALL, -1.0, reversed)).chain(MistakenColumns::all());
+        let wrench = iter::once(MistakenColumns::scaled(&ALL, -1.0, reversed))
+            .chain(MistakenColumns::all(campaign.wrench.names));
         let rows = MovedRows::ALL
             .map(|moved| Self { change: Change::MoveReadings(moved), reason: format!("these columns {moved}") });
         wrench.map(load).chain((0..gauges).map(gauge)).chain(pairs).chain(rows)
@@ -95,7 +97,9 @@ impl Mistake {
         for window in &mut campaign.windows {
             match &self.change {
                 Change::MoveReadings(_) => {}
-                Change::Load { mended, .. } => window.load = **mended * window.load,
+                Change::Load { mended, .. } => {
+                    window.load = campaign.wrench.maps[window.pose].mended(mended, &window.load);
+                }
                 Change::Gauge { gauge, factor } => {
                     window.readings_m[*gauge] = window.readings_m[*gauge].map(|reading| reading * factor);
                 }
@@ -128,7 +132,7 @@ impl Mistake {
     }
 
     fn error<const N: usize>(&self, campaign: &Campaign<N>) -> Option<FileError> {
-        let load = |column: &usize| LOAD[*column].to_owned();
+        let load = |column: &usize| campaign.wrench.names[*column].to_owned();
         let gauge = |gauge: &usize| format!("{}_um", campaign.gauges[*gauge].name);
         let (names, read): (Vec<String>, Option<usize>) = match &self.change {
             Change::Load { columns, .. } => (columns.iter().map(load).collect(), None),
@@ -147,6 +151,9 @@ fn any_load_has_signal<const N: usize>(question: &Question<'_, N>, columns: &[us
     let sds = question.load_variances().map(f64::sqrt);
     let measured: Vec<_> = question.campaign.windows.iter().map(|window| window.load).collect();
     let smooth = smooth_loads(question.campaign, &measured);
+    let of_window =
+        |(window, load): (&Window<N>, Vector6<f64>)| question.campaign.wrench.maps[window.pose].columns_of_load * load;
+    let smooth: Vec<_> = question.campaign.windows.iter().zip(smooth).map(of_window).collect();
     let of_column = |column: usize| changes(question.campaign, |window| Some(smooth[window][column] / sds[column])).0;
     let all = ALL.map(of_column);
     let largest = |column: usize| {
@@ -227,7 +234,7 @@ pub(super) fn checked<'a, const N: usize>(
 /// Mistakes without which a few steps of a plain fit go below this chi-squared with positive compliances, the likeliest first; of those that are as
 /// likely the simplest.
 fn likely<const N: usize>(question: &Question<'_, N>, most: f64) -> Vec<Mistake> {
-    let all = Mistake::all(question.campaign.gauges.len()).filter(|mistake| mistake.has_signal(question));
+    let all = Mistake::all(question.campaign).filter(|mistake| mistake.has_signal(question));
     let promising = all.enumerate().filter_map(|(rank, mistake)| {
         let mended = mistake.taken_back(question.campaign);
         Some(Tried { chi2: after_one_step(&question.on(&mended))?, rank, mistake })
@@ -299,7 +306,41 @@ fn has_many_outliers<const N: usize>(found: &Found<'_, N>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::springs::campaigns::{Bench, FINE, campaign_a, normal, seeded};
+    use crate::springs::campaigns::{Bench, FINE, campaign_a, never, normal, seeded};
+    use crate::springs::identify::weak::options;
+
+    #[test]
+    fn a_gauge_that_is_reversed_makes_a_spring_negative() {
+        let mut bench = campaign_a(FINE);
+        let mut random = seeded(4);
+        let truth = bench.true_springs(&mut random);
+        bench.measure(&truth, &mut random, 0.0, never);
+        let is_positive = |bench: &Bench<3>| {
+            let question = bench.question();
+            check_positive(&question, &after_steps(&question).unwrap()).is_ok()
+        };
+        assert!(is_positive(&bench));
+        for window in &mut bench.campaign.windows {
+            window.readings_m.iter_mut().flatten().for_each(|reading| *reading = -*reading);
+        }
+        assert!(!is_positive(&bench));
+    }
+
+    /// Noise that is stated a quarter too small is no outlier, and cannot be chance.
+    #[test]
+    fn readings_that_scatter_by_too_much_are_rejected() {
+        let is_rejected = |stated: f64| {
+            let mut bench = campaign_a(FINE);
+            let mut random = seeded(4);
+            let truth = bench.true_springs(&mut random);
+            bench.measure(&truth, &mut random, 0.0, never);
+            bench.campaign.noise.gauge_um *= stated;
+            bench.campaign.noise.force_n *= stated;
+            bench.campaign.noise.moment_nm *= stated;
+            is_rejected(&find(bench.question(), &options()).unwrap())
+        };
+        assert!(!is_rejected(1.0) && is_rejected(0.75));
+    }
 
     #[test]
     fn noise_is_no_signal_of_a_gauge() {
