@@ -24,13 +24,11 @@ pub fn rigid(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3<f64>> {
     let from_mean = pairs.iter().map(|(from, _)| from).sum::<Vector3<f64>>() / count;
     let to_mean = pairs.iter().map(|(_, to)| to).sum::<Vector3<f64>>() / count;
     let m: Matrix3<f64> = pairs.iter().map(|(from, to)| (from - from_mean) * (to - to_mean).transpose()).sum();
-    #[rustfmt::skip]
-    let horn = Matrix4::new(
-        m[(0, 0)] + m[(1, 1)] + m[(2, 2)], m[(1, 2)] - m[(2, 1)], m[(2, 0)] - m[(0, 2)], m[(0, 1)] - m[(1, 0)],
-        m[(1, 2)] - m[(2, 1)], m[(0, 0)] - m[(1, 1)] - m[(2, 2)], m[(0, 1)] + m[(1, 0)], m[(2, 0)] + m[(0, 2)],
-        m[(2, 0)] - m[(0, 2)], m[(0, 1)] + m[(1, 0)], m[(1, 1)] - m[(0, 0)] - m[(2, 2)], m[(1, 2)] + m[(2, 1)],
-        m[(0, 1)] - m[(1, 0)], m[(2, 0)] + m[(0, 2)], m[(1, 2)] + m[(2, 1)], m[(2, 2)] - m[(0, 0)] - m[(1, 1)],
-    );
+    let skew = Vector3::new(m[(1, 2)] - m[(2, 1)], m[(2, 0)] - m[(0, 2)], m[(0, 1)] - m[(1, 0)]);
+    let mut horn = Matrix4::from_element(m.trace());
+    horn.fixed_view_mut::<3, 1>(1, 0).copy_from(&skew);
+    horn.fixed_view_mut::<1, 3>(0, 1).tr_copy_from(&skew);
+    horn.fixed_view_mut::<3, 3>(1, 1).copy_from(&(m + m.transpose() - Matrix3::identity() * m.trace()));
     if !horn.iter().all(|entry| entry.is_finite()) {
         return None;
     }
@@ -204,6 +202,12 @@ mod tests {
         assert!(off(rigid(&pairs).unwrap()) > 1e-3);
         assert!(off(rigid_trimmed(&pairs).unwrap()) < 1e-9);
         assert!(rigid(&pairs[..2]).is_none());
+        // Each round shows those that the last one hid.
+        let shifts = [3.0, 2.0, 1.0, 0.5, 0.25, 0.12, 0.06, 0.03];
+        for (index, shift) in shifts.into_iter().enumerate() {
+            pairs[2 * index + 1].1 = apply(&motion, &pairs[2 * index + 1].0) + Vector3::repeat(shift);
+        }
+        assert!(off(rigid_trimmed(&pairs).unwrap()) < 1e-9);
     }
 
     #[test]

@@ -216,3 +216,26 @@ fn remounted(name: &str) -> Option<(&str, u32)> {
 pub(crate) fn before_remount(name: &str) -> &str {
     remounted(name).map_or(name, |(base, _)| base)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::fixture::{Folder, campaign_a, first_series};
+
+    #[test]
+    fn the_name_of_a_series_leaves_room_for_the_number_of_a_mounting() {
+        let folder = Folder::new("names");
+        let refused = |length: usize| {
+            let text = first_series(&campaign_a("", &[0, 60]), 1);
+            let path = folder.path("plan.toml");
+            let name = "s".repeat(length);
+            std::fs::write(&path, text.replace("name = \"x1\"", &format!("name = {name:?}"))).unwrap();
+            read::<3>(&path, "l2", &[1.0; 3]).err().map(|error| error.to_string())
+        };
+        assert_eq!(refused(MAX_SERIES_NAME), None);
+        for length in [MAX_SERIES_NAME + 1, MAX_SERIES_NAME + 2] {
+            let said = refused(length).unwrap();
+            assert!(said.contains(&format!("has {length} characters; expected at most {MAX_SERIES_NAME}")), "{said}");
+        }
+    }
+}

@@ -281,6 +281,30 @@ mod tests {
             noise(&NoiseSection { position_um: None, rotation_urad: None, covariance: Some(covariance) }).is_err()
         });
         assert!(lopsided && endless);
+        // Places and rotations follow each other more than either scatters.
+        let [mut bound, mut turned] = [[1e-10, 1e-18]; 2].map(|[place, rotation]| {
+            let of_row = |row: usize| {
+                (0..6)
+                    .map(|column| {
+                        if row != column {
+                            0.0
+                        } else if row < 3 {
+                            place
+                        } else {
+                            rotation
+                        }
+                    })
+                    .collect()
+            };
+            (0..6).map(of_row).collect::<Vec<Vec<f64>>>()
+        });
+        (bound[0][3], bound[3][0]) = (2e-14, 2e-14);
+        // Nothing beside the largest entry.
+        turned[3][4] = 1e-20;
+        for covariance in [bound, turned] {
+            let section = NoiseSection { position_um: None, rotation_urad: None, covariance: Some(covariance) };
+            assert!(noise(&section).is_err(), "{section:?}");
+        }
         let wide = of_covariance(&[1e-10, 1e-10, 1.1], 0.0).unwrap_err();
         assert!(wide.contains("has a standard deviation of 1048808"), "{wide}");
     }

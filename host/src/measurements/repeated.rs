@@ -228,6 +228,9 @@ mod tests {
             found(noise(99).enumerate().map(|(row, value)| if row < 25 { value } else { 0.5 })),
             Some((25, 74, false))
         );
+        // Two that come three times each are not the resolution of the others.
+        let resolved = noise(12).chain([1.0, 1.0 + 1e-6]);
+        assert!(found(resolved.chain([0.5; MANY]).chain([0.7; MANY])).is_some());
         let cut = noise(99).map(|value| value.min(1.5));
         assert!(matches!(found(cut), Some((_, 8.., true))));
         let cut = noise(99).map(|value| value.clamp(-1.5, 1.5));

@@ -261,6 +261,30 @@ mod tests {
         assert_eq!(step(&[]), None);
     }
 
+    #[test]
+    fn the_largest_of_the_steps_is_the_shift() {
+        let bench = campaign_a(FINE);
+        let question = bench.question();
+        let possible: Vec<Vec<f64>> = bench.campaign.windows.iter().map(|_| vec![1.0; 9]).collect();
+        // From the sixth window of the series on.
+        let deviations: Vec<Vec<f64>> = (0..99)
+            .map(|window| match (window / 11, window % 11 >= 5) {
+                (1, true) => [vec![20.0], vec![0.0; 8]].concat(),
+                (2, true) => [vec![0.0; 4], vec![-45.0], vec![0.0; 4]].concat(),
+                (2, false) => [vec![0.0; 8], vec![30.0]].concat(),
+                _ => vec![0.0; 9],
+            })
+            .collect();
+        let shift = |choice: &Choice| {
+            let found = largest_shift(&question, choice, &possible, &deviations, 1.5)?;
+            Some((found.series, found.gauge, found.window))
+        };
+        let mut choice = Choice::all(&bench.campaign);
+        assert_eq!(shift(&choice), Some((2, 4, 27)));
+        choice.shifts.push(Shift { series: 2, gauge: 4, window: 27 });
+        assert_eq!(shift(&choice), Some((2, 8, 27)));
+    }
+
     fn agreed(bench: &Bench<3>) -> Agreement<3> {
         let question = bench.question();
         fit_agreeing(&question, &Choice::all(&bench.campaign), State::start(&question)).unwrap()

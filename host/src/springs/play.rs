@@ -426,6 +426,29 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_window_that_has_lost_a_third_of_its_readings_keeps_all() {
+        let mut bench = campaign_a(FINE);
+        bench.campaign.windows[2].readings_m[6..].fill(None);
+        let mut choice = Choice::all(&bench.campaign);
+        for (window, lost) in [(0, 3), (1, 2), (2, 2), (3, 5)] {
+            choice.weights[window][..lost].fill(0.0);
+        }
+        // Six are read in window 2, and two of those are lost.
+        choice.weights[2][8] = 0.0;
+        let whole = with_whole_windows(&choice, &bench.question());
+        let lost = |window: usize| whole.weights[window].iter().filter(|weight| **weight <= 0.0).count();
+        assert_eq!([0, 1, 2, 3, 4].map(lost), [0, 2, 0, 0, 0]);
+        choice.weights[2][..2].copy_from_slice(&[0.0, 1.0]);
+        choice.weights[2][6..].fill(0.0);
+        let whole = with_whole_windows(&choice, &bench.question());
+        assert_eq!(
+            whole.weights[2].iter().filter(|weight| **weight <= 0.0).count(),
+            4,
+            "what was not read is not lost"
+        );
+    }
+
     fn found(bench: &Bench<3>) -> (Agreement<3>, Option<FoundPlay>) {
         let question = bench.question();
         let without = fit_agreeing(&question, &Choice::all(&bench.campaign), State::start(&question)).unwrap();

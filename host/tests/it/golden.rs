@@ -133,14 +133,20 @@ fn springs_of_an_l2_beyond_its_jump() {
 #[test]
 fn springs_that_are_not_seen() {
     let mut walk = Walk::new("springs-weak");
+    let data = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/identify"));
+    let given = |name: &str, file: &str| fs::read_to_string(data.join(name).join(file)).unwrap();
     for name in ["kept-1x9-2", "thesis-follow-b4"] {
-        let data = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/identify")).join(name);
         for file in ["campaign.toml", "springs.csv"] {
-            walk.give(file, &fs::read_to_string(data.join(file)).unwrap());
+            walk.give(file, &given(name, file));
         }
         let identify = format!("identify campaign.toml --robot l2 -o {name}.toml --json {name}.json");
         walk.run(&format!("{identify} --report {name}.html --thesis {name}-thesis.html --no-robust"));
     }
+    // One of whose springs the best value would be negative.
+    let plan = given("kept-1x9-2", "campaign.toml");
+    walk.give("strap.toml", &plan.replace("measurements = \"springs.csv\"", "measurements = \"strap.csv\""));
+    walk.run("experiment strap.toml --robot l2 --simulated 20 -o strap.csv");
+    walk.run("identify strap.toml --robot l2 -o negative.toml --json negative.json");
     walk.end();
 }
 

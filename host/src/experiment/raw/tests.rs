@@ -105,6 +105,34 @@ fn levels_become_windows() {
     }
 }
 
+/// Reads of any size: a row ends where the next one begins, wherever the blocks do.
+#[test]
+fn a_row_that_does_not_end_is_refused() {
+    let folder = Folder::new("endless");
+    let path = folder.path("raw.csv");
+    std::fs::write(&path, vec![b'x'; LONGEST_ROW + 1_000]).unwrap();
+    let read = |block: usize| {
+        let watch = Watch::default();
+        let mut watched = Watched { file: BufReader::new(File::open(&path).unwrap()), watch: &watch };
+        let mut buffer = vec![0; block];
+        let mut count = 0;
+        loop {
+            match watched.read(&mut buffer) {
+                Ok(read) => count += read,
+                Err(error) => return (count, error.to_string()),
+            }
+            assert!(count <= LONGEST_ROW);
+        }
+    };
+    for block in [700, 1 << 12, LONGEST_ROW] {
+        let (count, said) = read(block);
+        assert!(
+            count + block > LONGEST_ROW && said.starts_with("a row is longer than 1 MiB"),
+            "{block}: {count}, {said}"
+        );
+    }
+}
+
 /// A session that was lost: another zero error, which the sensor is tared of, and another program that goes on with the table.
 #[test]
 fn a_table_is_continued_with_a_tare() {

@@ -41,6 +41,11 @@ fn taken(samples: impl Iterator<Item = Sample<3>>) -> Vec<Means<3>> {
 }
 
 #[test]
+fn the_variance_of_a_sample_has_one_degree_of_freedom_less() {
+    assert!((variance(&[1.0, 2.0, 6.0], 3.0) - 7.0).abs() < 1e-12);
+}
+
+#[test]
 fn a_calm_level_gives_one_window_of_two_seconds() {
     let windows = taken(samples(1, 20.0, |_| 120.0, |_| 50e-6));
     let [window] = windows.as_slice() else { panic!("{windows:?}") };

@@ -310,4 +310,17 @@ mod tests {
         mirrored.rotation[2][2] = -1.0;
         assert_eq!(poses(&[mirrored]).unwrap_err().1, "is not a rotation matrix");
     }
+
+    #[test]
+    fn a_set_up_has_sixteen_gauges_at_most() {
+        let gauge = |index: usize| {
+            let text = format!("name = \"g{index}\"\non = \"axis\"\naxis_number = 1\n");
+            toml::from_str::<GaugeEntry>(&text).unwrap()
+        };
+        let of = |count: usize| gauges(&(0..count).map(gauge).collect::<Vec<_>>(), &[1.0; 3]);
+        assert_eq!(of(MAX_GAUGES).unwrap().len(), 16);
+        let (key, reason) = of(MAX_GAUGES + 1).unwrap_err();
+        assert_eq!((&*key, &*reason), ("gauge", "has 17 entries; 16 are possible"));
+        assert!(of(MAX_GAUGES + 2).is_err());
+    }
 }

@@ -265,3 +265,13 @@ pub(super) fn poses<K: MachineKind<N>, const N: usize>(
     body.push_str("</table>");
     Ok(page("gantry-tau plan geometry", &body))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_have_tenths_of_a_millimetre_and_no_negative_zero() {
+        assert_eq!(mm(&Vector3::new(-1e-6, 0.123_46, -0.08)), "(0, 123.5, -80)");
+    }
+}

@@ -35,6 +35,21 @@ fn a_campaign_without_noise_gives_the_springs() {
     }
 }
 
+#[test]
+fn a_compliance_that_is_not_the_files_by_far_is_no_result() {
+    let mut random = seeded(3);
+    let mut bench = campaign_a(FINE);
+    let mut truth = bench.file.vector();
+    truth[0] *= 150.0;
+    let truth = bench.file.with(&truth);
+    bench.measure(&truth, &mut random, 0.0, never);
+    let question = bench.question();
+    let found = fit(&question, &Choice::all(&bench.campaign), State::start(&question)).err();
+    let Some(SpringsError::AtBound { name, factor }) = found else { panic!("{found:?}") };
+    assert_eq!(name, bench.file.names()[0].0);
+    assert!((MOST_FACTOR..=1.1 * MOST_FACTOR).contains(&factor), "{factor}");
+}
+
 /// `(error / sd)`: root mean square, mean, and how many intervals hold, per spring; and the mean of chi-squared per degree of freedom.
 struct Coverage {
     squares: DVector<f64>,

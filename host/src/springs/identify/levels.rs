@@ -98,6 +98,10 @@ fn readings<const N: usize>(campaign: &Campaign<N>, solved: &Solved<N>) -> impl 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::springs::campaigns::{FINE, campaign_a};
+    use crate::springs::choice::Choice;
+    use crate::springs::fit::rounds;
+    use crate::springs::lines::State;
 
     #[test]
     fn windows_within_a_quarter_of_a_step_are_one_level() {
@@ -110,5 +114,21 @@ mod tests {
         let readings: [f64; 8] = [0.0, 10.0, 20.0, 30.0, 25.0, 10.2, 0.1, 0.0];
         let of_readings = |one: usize, other: usize| (readings[one] - readings[other]).abs();
         assert_eq!(grouped(&windows, &[&distance, &of_readings]), [0, 1, 2, 3, 4, 1, 0, 0]);
+    }
+
+    /// Readings count by their mean square, however many of them two windows share; zeros and moved gauges do not.
+    #[test]
+    fn readings_that_are_missing_bring_windows_no_closer() {
+        let mut bench = campaign_a(FINE);
+        bench.campaign.windows.truncate(3);
+        bench.campaign.windows[1].readings_m.fill(Some(10e-6));
+        bench.campaign.windows[2].readings_m.fill(Some(10e-6));
+        bench.campaign.windows[2].readings_m[1..].fill(None);
+        let question = bench.question();
+        let mut solved = rounds(&question, &Choice::all(&bench.campaign), State::start(&question), 1).unwrap();
+        // Without zeros and drift that the fit takes.
+        solved.left = solved.lines.iter().map(|lines| lines.misclosures.clone()).collect();
+        let distance = readings(&bench.campaign, &solved);
+        assert!((distance(0, 1) - 10e-6).abs() < 1e-12 && (distance(0, 2) - 10e-6).abs() < 1e-12);
     }
 }

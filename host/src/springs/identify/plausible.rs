@@ -243,6 +243,9 @@ fn changes<const N: usize>(question: &Question<'_, N>, lines: &[Lines], gauge: u
 mod tests {
     use super::*;
     use crate::springs::campaigns::{Bench, FINE, campaign_a};
+    use crate::springs::choice::Choice;
+    use crate::springs::fit::rounds;
+    use crate::springs::lines::State;
 
     /// Three tenths of what is predicted, with a zero in each series.
     #[test]
@@ -256,6 +259,25 @@ mod tests {
         let [share, sd] = shown(&bench.campaign, &pairs, 1e-6);
         // Eleven steps of a micrometre in each of nine series: 110 um^2 about their mean.
         assert!((share - 0.3).abs() < 1e-9 && (sd - 1.0 / f64::sqrt(9.0 * 110.0)).abs() < 1e-9, "{share} {sd}");
+    }
+
+    /// Zeros of gauges, in each series another one, are no changes.
+    #[test]
+    fn changes_are_those_since_the_first_window_of_their_series() {
+        let mut bench: Bench<3> = campaign_a(FINE);
+        for window in &mut bench.campaign.windows {
+            window.readings_m[0] = Some(1e-3 * float(window.series + 1) + 1e-6 * window.load.norm());
+        }
+        let question = bench.question();
+        let lines = rounds(&question, &Choice::all(&bench.campaign), State::start(&question), 1).unwrap().lines;
+        let changes = changes(&question, &lines, 0);
+        assert_eq!(changes.len(), 99);
+        for (window, [measured, predicted]) in changes {
+            let moved = 1e-6 * bench.campaign.windows[window].load.norm();
+            assert!((measured - moved).abs() < 1e-12, "{window}: {measured}");
+            let is_first = window % 11 == 0;
+            assert!(predicted.abs() < 9e-4 && (!is_first || predicted.abs() < 1e-12), "{window}: {predicted}");
+        }
     }
 
     /// Campaign A, whose first series has no load but what `change` makes of its fourth window.

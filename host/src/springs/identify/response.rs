@@ -280,6 +280,19 @@ mod tests {
         assert!((one - other).abs() < 1e-9 * other.abs().max(1.0), "{one} {other}");
     }
 
+    /// By three standard deviations in eight series, above and below in turn: as many above as below, before as after.
+    #[test]
+    fn responses_that_differ_from_series_to_series_are_told_with_their_chance() {
+        let bench: Bench<3> = campaign_a(FINE);
+        let of =
+            |series: usize| (series, Response { product: if series % 2 == 0 { 60.0 } else { -60.0 }, squares: 100.0 });
+        let found = said(&bench.campaign, &bench.campaign.gauges[0].name, &[0, 1, 2, 3, 4, 5, 6, 7].map(of)).unwrap();
+        assert!(found.contains("does not respond to the loads of every series alike"), "{found}");
+        // Chi-squared is 36 in each series, none of them together; nine gauges, and nine tests of each.
+        let p = chi_squared_above(8.0 * 36.0, 7) * 81.0;
+        assert!(found.ends_with(&format!("(p = {p:.1e})")), "{found} {p:e}");
+    }
+
     /// Gauge 0 shows 0 and 1 um in turn, and other steps elsewhere: its column resolves its noise.
     #[test]
     fn scatter_is_told_series_by_series_in_variances_of_each_reading() {

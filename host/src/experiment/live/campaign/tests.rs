@@ -35,8 +35,12 @@ const LENGTH_M: f64 = 0.3e-6;
 
 impl Bench {
     fn new(name: &str, levels: &[u32], has_gauges: bool) -> Self {
+        Self::with_series(name, &first_series(&campaign_a("", levels), 1), has_gauges)
+    }
+
+    fn with_series(name: &str, plan: &str, has_gauges: bool) -> Self {
         let folder = Folder::new(name);
-        plan_in(&folder, &first_series(&campaign_a("", levels), 1));
+        plan_in(&folder, plan);
         let robot = RobotFile::builtin_l2().unwrap();
         let campaign = Self::campaign(&folder, &robot, has_gauges);
         let random = ChaCha8Rng::seed_from_u64(1);
@@ -167,6 +171,13 @@ fn what_is_waited_for_is_said_every_five_seconds() {
     bench.off_nm = 0;
     let ((), said) = logged(|| bench.wait(21));
     assert_eq!(said.matches("press Enter with the strap slack").count(), 5, "once in the pose, then reminders: {said}");
+    bench.key("");
+    let ((), said) = logged(|| bench.wait(11));
+    assert!(
+        said.contains("series x1, window 2 of 2: pull to 60 N along (1, 0, 0) at the hook (0, 0, -0.08) m: now 0 N"),
+        "{said}"
+    );
+    assert!(!said.contains("-0 N"), "{said}");
 }
 
 /// A force sensor that counts in other units than it should.
@@ -203,6 +214,36 @@ fn a_series_remounted_before_its_first_window_is_not_asked_for_again() {
     }
     assert!(bench.campaign.is_done());
     assert_eq!(bench.names(), ["x1.2 1", "x1.2 2", "x1.2 3"]);
+}
+
+/// The later series was mounted anew by an earlier program.
+#[test]
+fn a_remounted_series_does_not_ask_for_a_later_one_again() {
+    let plan = first_series(&campaign_a("", &[0, 60]), 2)
+        .replace("\"aside\"\nmounting", "\"home\"\nmounting")
+        .replace("direction = [0.0, 1.0, 0.0]", "direction = [1.0, 0.0, 0.0]");
+    let mut bench = Bench::with_series("later", &plan, true);
+    bench.wait(1);
+    bench.key("skip");
+    bench.wait(1);
+    bench.key("remount");
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    assert_eq!(bench.names(), ["y1.2 1"]);
+    bench = bench.restart();
+    bench.wait(1);
+    bench.key("remount");
+    for _ in ["x1.2", "y1.2"] {
+        bench.pull_n = (0.0, 0.0);
+        bench.wait(1);
+        bench.key("");
+        bench.wait(8);
+        bench.pull_n = (60.0, 0.0);
+        bench.wait(8);
+    }
+    assert_eq!(bench.names(), ["y1.2 1", "x1.2 1", "x1.2 2", "y1.2 2"]);
+    assert!(bench.campaign.is_done());
 }
 
 #[test]

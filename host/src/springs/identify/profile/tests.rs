@@ -40,6 +40,13 @@ fn what_is_known_well_has_a_symmetric_profile() {
     }
     // Nothing of a clean campaign is known badly enough to be profiled.
     assert_eq!(profiles(&bench.question(), &agreement, STATED), []);
+    // Gauges that are better than is stated by far, as their residuals say.
+    let stated = bench.campaign.noise;
+    bench.campaign.noise.gauge_um = 300.0;
+    let quiet = agreed(&bench).unwrap();
+    assert!(!profiles(&bench.question(), &quiet, STATED).is_empty());
+    assert_eq!(profiles(&bench.question(), &quiet, Intervals { is_scaled: true }), []);
+    bench.campaign.noise = stated;
     // Scaled by the residuals both are: they agree still.
     let scaled = Intervals { is_scaled: true };
     let Profiled { ends: [low, high], .. } = profile(&bench.question(), &agreement, scaled, 0).unwrap();
@@ -56,7 +63,7 @@ fn a_spring_that_is_known_badly_has_a_longer_arm_above() {
     let robot = RobotFile::builtin_l2().unwrap();
     let strap = Strap { pose: 0, hook: HOOKS[0], direction: Vector3::x(), levels: vec![0.0, 60.0, 0.0, 60.0] };
     let mut planned = Bench::new(&robot, &[HOME], &[strap], noise);
-    let load = fifths(&planned);
+    let load = by_links(&planned, 5.0);
     planned.campaign.windows.iter_mut().skip(1).step_by(2).for_each(|window| window.load = load);
     // The file's machine: what is not seen is kept, and right. Carts are not seen, as their gauges would tell the load.
     let truth = planned.file.clone();
@@ -94,8 +101,25 @@ fn a_spring_that_is_known_badly_has_a_longer_arm_above() {
     assert!(below + above < symmetric_below + symmetric_above);
 }
 
-/// Load on the platform that gives every link five standard deviations of its force's noise.
-fn fifths(bench: &Bench<3>) -> Vector6<f64> {
+/// Readings without errors, of the file's machine, by gauges that may have seen nothing.
+#[test]
+fn an_interval_without_a_lower_end_begins_at_zero() {
+    let ends = |noise: Noise, spring: usize| {
+        let mut bench = campaign_a(Noise { gauge_um: 1e-6, force_n: 1e-6, moment_nm: 1e-6 });
+        bench.measure(&bench.file.clone(), &mut seeded(1), 0.0, never);
+        bench.campaign.noise = noise;
+        let agreement = agreed(&bench).unwrap();
+        let profiled = profile(&bench.question(), &agreement, STATED, spring);
+        profiled.map(|profiled| profiled.ends.map(|end| end / bench.file.vector()[spring]))
+    };
+    for spring in [0, 2] {
+        let [low, high] = ends(Noise { gauge_um: 300.0, ..FINE }, spring).unwrap();
+        assert!(low == 0.0 && (2.0..3.0).contains(&high), "{spring}: {low} {high}");
+    }
+}
+
+/// Load on the platform that gives every link so many standard deviations of its force's noise.
+fn by_links(bench: &Bench<3>, of_noise: f64) -> Vector6<f64> {
     let (question, window) = (bench.question(), &bench.campaign.windows[0]);
     let machine = ElasticMachine::new(bench.geometry, bench.file.machine, Backlash::NONE);
     let began = question.unloaded(&machine, window).unwrap();
@@ -105,5 +129,5 @@ fn fifths(bench: &Bench<3>) -> Vector6<f64> {
     let Noise { force_n, moment_nm, .. } = bench.campaign.noise;
     let noise = Matrix6::from_diagonal(&Vector6::new(force_n, force_n, force_n, moment_nm, moment_nm, moment_nm));
     let sds = Vector6::from_fn(|link, _| (unit * noise).row(link).norm());
-    unit.try_inverse().unwrap() * sds * 5.0
+    unit.try_inverse().unwrap() * sds * of_noise
 }
