@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Sender, channel};
 
-use gantry_tau_core::control::message::Capabilities;
-use gantry_tau_core::units::EpochRange;
+use gantry_tau_core::control::message::{Capabilities, State, Welcome};
+use gantry_tau_core::units::{Epoch, EpochRange, Tick as CoreTick};
 
 use super::*;
 use crate::client::Observer;
@@ -23,7 +23,7 @@ use crate::measurements::springs::{self, Campaign, Window};
 use crate::model::{L2, L2_MOTORS};
 use crate::output::Name;
 use crate::record::drain;
-use crate::sensor_link::SensorPublisher;
+use crate::sensor_link::{self, SensorPublisher};
 use crate::server::Server;
 use crate::server::cycle::{Cycle, Row};
 use crate::server::tick_source::TickSource;
@@ -109,6 +109,53 @@ fn a_client_is_told_to_leave_whatever_the_campaign_does() {
         probe.answered(&state, None).unwrap();
         assert_eq!(controls.quit.load(Ordering::Relaxed), is_told);
     }
+}
+
+/// In lock-step the client waits for a campaign that is behind; by the clock its tick is lost.
+#[test]
+fn a_full_queue_is_waited_for_in_lock_step_alone() {
+    let (quit, controls) = (AtomicBool::new(false), ClientControls::default());
+    let robot = robot();
+    let probe = |capabilities: Capabilities| {
+        let (queue, ticks) = rtrb::RingBuffer::<Tick<3>>::new(1);
+        let mut probe = Probe::new(&quit, &controls, None, 0, [1.0; 3], queue);
+        probe.welcomed(&Welcome {
+            epoch: Epoch(1),
+            tick: CoreTick(0),
+            cycle_us: 1_000,
+            echo_window: 0,
+            capabilities,
+            kinematics_checksum: 0,
+            limits: robot.limits.map(|axis| axis.limits),
+        });
+        (probe, ticks)
+    };
+    let answer = |probe: &mut Probe<'_, 3>, tick: u64| {
+        let state = State { tick: CoreTick(tick), ..Row::listening().state };
+        probe.answered(&state, Some(&sensor_link::Sample { tick, wrench: [0.0; 6] })).unwrap();
+    };
+    let (mut by_clock, mut ticks) = probe(Capabilities::NONE);
+    answer(&mut by_clock, 1);
+    answer(&mut by_clock, 2);
+    assert_eq!(ticks.pop().map(|tick| tick.sample.tick), Ok(1));
+    assert!(ticks.is_empty());
+    let (mut in_lockstep, mut ticks) = probe(Capabilities::LOCKSTEP);
+    let taken = std::thread::scope(|scope| {
+        scope.spawn(move || {
+            (1..=5).for_each(|tick| answer(&mut in_lockstep, tick));
+            drop(in_lockstep);
+        });
+        let mut taken = Vec::new();
+        loop {
+            let is_over = ticks.is_abandoned();
+            taken.extend(ticks.pop().map(|tick| tick.sample.tick));
+            if is_over && ticks.is_empty() {
+                break taken;
+            }
+            std::thread::yield_now();
+        }
+    });
+    assert_eq!(taken, [1, 2, 3, 4, 5]);
 }
 
 /// Keys that are never pressed.

@@ -84,9 +84,10 @@ impl<const N: usize> Made<N> {
         let said = |level: &&Level| {
             format!("series {}, window {} (line {}) does not settle: left out", level.series, level.window, level.line)
         };
-        self.missed = missed.iter().take(LISTED).map(said).collect();
-        if missed.len() > LISTED {
-            self.missed.push(format!("{} more levels do not settle: left out", missed.len() - LISTED));
+        let (listed, others) = missed.split_at(missed.len().min(LISTED));
+        self.missed = listed.iter().map(said).collect();
+        if !others.is_empty() {
+            self.missed.push(format!("{} more levels do not settle: left out", others.len()));
         }
         Ok(self)
     }
