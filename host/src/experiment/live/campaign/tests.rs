@@ -172,7 +172,9 @@ fn what_is_waited_for_is_said_every_five_seconds() {
     let ((), said) = logged(|| bench.wait(21));
     assert_eq!(said.matches("press Enter with the strap slack").count(), 5, "once in the pose, then reminders: {said}");
     bench.key("");
-    let ((), said) = logged(|| bench.wait(11));
+    bench.wait(8);
+    bench.pull_n = (-0.2, 0.0);
+    let ((), said) = logged(|| bench.wait(6));
     assert!(
         said.contains("series x1, window 2 of 2: pull to 60 N along (1, 0, 0) at the hook (0, 0, -0.08) m: now 0 N"),
         "{said}"
