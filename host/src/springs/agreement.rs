@@ -290,6 +290,19 @@ mod tests {
         fit_agreeing(&question, &Choice::all(&bench.campaign), State::start(&question)).unwrap()
     }
 
+    #[test]
+    fn what_is_left_out_costs_as_much_as_the_limit() {
+        let mut bench = campaign_a(FINE);
+        bench.measure(&bench.file.clone(), &mut seeded(1), 0.0, never);
+        let mut agreement = agreed(&bench);
+        (agreement.refused, agreement.choice.shifts) = (Vec::new(), Vec::new());
+        let chi2 = agreement.solved.rows.chi_squared();
+        assert!((agreement.cost() - chi2).abs() < 1e-12);
+        agreement.refused = vec![(0, 1), (5, 2), (7, 2)];
+        agreement.choice.shifts.push(Shift { series: 2, gauge: 4, window: 27 });
+        assert!((agreement.cost() - chi2 - 4.0 * TUKEY * TUKEY).abs() < 1e-9);
+    }
+
     /// Squared errors of the springs in standard deviations of an undisturbed campaign, summed over campaigns; readings that were disturbed, found,
     /// and accused wrongly.
     #[derive(Default)]

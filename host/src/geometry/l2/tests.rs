@@ -13,7 +13,7 @@ use super::*;
 use crate::fit::least_squares::{Fit, Seen};
 use crate::fit::statistics::NORMAL_95;
 use crate::fit::svd::Svd;
-use crate::geometry::agreement::{agreeing_with, fit_agreeing};
+use crate::geometry::agreement::{agreeing_with, cost, fit_agreeing};
 use crate::geometry::frames::rigid_trimmed;
 use crate::output::Name;
 
@@ -141,6 +141,19 @@ fn places_without_noise_give_the_machine() {
             );
         }
     }
+}
+
+/// A place that is left out costs what it would if it just agreed: 4.5 standard deviations.
+#[test]
+fn what_is_left_out_costs_as_much_as_the_limit() {
+    let mut campaign = Campaign::new(3);
+    let positions = campaign.positions(20);
+    let poses = campaign.measured(&positions, Vector3::repeat(SIGMA_M));
+    let mut found = fit_agreeing(&places(&poses, Vector3::repeat(SIGMA_M)), campaign.start(&poses)).unwrap();
+    found.outliers.clear();
+    assert!((cost::<Places<'_>>(&found) - found.fit.chi_squared()).abs() < 1e-12);
+    found.outliers = vec![4, 7, 9];
+    assert!((cost::<Places<'_>>(&found) - found.fit.chi_squared() - 3.0 * 4.5 * 4.5).abs() < 1e-6);
 }
 
 /// Share of the bound that the error reaches over campaigns, and how often each interval holds the truth.

@@ -98,6 +98,9 @@ fn readings<const N: usize>(campaign: &Campaign<N>, solved: &Solved<N>) -> impl 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector6;
+
+    use crate::measurements::springs::Noise;
     use crate::springs::campaigns::{FINE, campaign_a};
     use crate::springs::choice::Choice;
     use crate::springs::fit::rounds;
@@ -114,6 +117,17 @@ mod tests {
         let readings: [f64; 8] = [0.0, 10.0, 20.0, 30.0, 25.0, 10.2, 0.1, 0.0];
         let of_readings = |one: usize, other: usize| (readings[one] - readings[other]).abs();
         assert_eq!(grouped(&windows, &[&distance, &of_readings]), [0, 1, 2, 3, 4, 1, 0, 0]);
+    }
+
+    #[test]
+    fn moments_count_by_the_ratio_of_the_noises() {
+        let mut bench = campaign_a(Noise { gauge_um: 1.0, force_n: 2.0, moment_nm: 0.5 });
+        let [one, other] = [Vector6::new(10.0, 0.0, 3.0, 4.0, 5.0, 6.0), Vector6::new(10.0, 0.0, 3.0, 4.0, 7.0, 6.0)];
+        (bench.campaign.windows[0].load, bench.campaign.windows[1].load) = (one, other);
+        // 2 N m are 8 N; with 6 N of a push 10.
+        assert!((loads(&bench.campaign)(0, 1) - 8.0).abs() < 1e-12);
+        bench.campaign.windows[1].pushes_n[2] = -6.0;
+        assert!((loads(&bench.campaign)(0, 1) - 10.0).abs() < 1e-12);
     }
 
     /// Readings count by their mean square, however many of them two windows share; zeros and moved gauges do not.

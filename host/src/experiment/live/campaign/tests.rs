@@ -261,6 +261,8 @@ fn a_machine_that_leaves_the_pose_is_waited_for() {
     bench.off_nm = 0;
     bench.wait(20);
     assert_eq!(bench.names(), ["x1 1"], "the sensor must be tared again");
+    let ((), said) = logged(|| bench.key("again"));
+    assert!(said.contains("no window of this series was taken since the tare"), "{said}");
     // With another zero error than before, and the strap slack.
     (bench.bias_n, bench.pull_n) = (-4.0, (0.0, 0.0));
     bench.key("");
