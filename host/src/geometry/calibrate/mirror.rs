@@ -55,9 +55,28 @@ fn image(nominal: &Nominal, arms: usize, shape: &Shape) -> Nominal {
 #[cfg(test)]
 mod tests {
     use gantry_tau_core::model::presets;
-    use nalgebra::Vector3;
+    use nalgebra::{Matrix3, Vector3};
 
     use super::*;
+    use crate::geometry::MeasuredPose;
+    use crate::output::Name;
+
+    #[test]
+    fn a_side_is_that_of_the_joint_in_the_first_pose() {
+        let machine = Nominal::of(&presets::l2());
+        let first = [0.3, -0.4, 0.9];
+        let pose = MeasuredPose { name: Name::made("p1"), q: first, position_m: Vector3::zeros(), rotation: None };
+        let places =
+            Places { poses: &[pose], whitening: Matrix3::identity(), configuration: presets::l2().configuration };
+        for arm in 0..ARMS {
+            let joint_m = machine.origins_m[arm] + machine.guideways[arm] * first[arm];
+            for (off_m, is_beyond) in [(-1e-3, true), (1e-3, false)] {
+                let normal = machine.guideways[arm].normalize();
+                let shape = Shape { centre_m: joint_m + normal * off_m, normal, extents_m: [0.5, 0.4, 0.0] };
+                assert_eq!(sides(&machine, &places, &shape)[arm], is_beyond, "{arm}");
+            }
+        }
+    }
 
     #[test]
     fn an_image_has_the_distances_of_the_machine_to_the_plane() {

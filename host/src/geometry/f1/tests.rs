@@ -158,6 +158,25 @@ fn the_derivatives_are_those_of_the_forward_kinematics() {
     }
 }
 
+/// What is kept for what cannot be seen: the first joint, and the mean of two others along the plates' axis.
+#[test]
+fn what_is_fixed_is_a_joint_and_a_mean_along_the_axis() {
+    let rows = fixed(&file());
+    let along = file().turn_axis.normalize();
+    let shifted = |joint: usize, by: Vector3<f64>| {
+        let mut step = DVector::zeros(PARAMETERS);
+        step.fixed_rows_mut::<3>(P + 3 * joint).copy_from(&by);
+        rows * step * 1e-9
+    };
+    assert!((shifted(0, Vector3::new(1.0, 2.0, 3.0)) - nalgebra::Vector4::new(1.0, 2.0, 3.0, 0.0)).amax() < 1e-12);
+    for joint in [1, 2] {
+        assert!((shifted(joint, along) - nalgebra::Vector4::new(0.0, 0.0, 0.0, 0.5)).amax() < 1e-12, "{joint}");
+    }
+    for joint in 3..LINKS {
+        assert!(shifted(joint, along).amax() < 1e-12, "{joint}");
+    }
+}
+
 #[test]
 fn poses_without_noise_give_the_machine() {
     for seed in 0..5 {

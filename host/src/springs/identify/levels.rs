@@ -136,12 +136,14 @@ mod tests {
         let mut bench = campaign_a(FINE);
         bench.campaign.windows.truncate(3);
         bench.campaign.windows[1].readings_m.fill(Some(10e-6));
-        bench.campaign.windows[2].readings_m.fill(Some(10e-6));
-        bench.campaign.windows[2].readings_m[1..].fill(None);
+        // A gauge that was moved by 4 um.
+        bench.campaign.windows[2].readings_m.fill(None);
+        bench.campaign.windows[2].readings_m[0] = Some(14e-6);
         let question = bench.question();
         let mut solved = rounds(&question, &Choice::all(&bench.campaign), State::start(&question), 1).unwrap();
-        // Without zeros and drift that the fit takes.
+        // No zeros, but that one.
         solved.left = solved.lines.iter().map(|lines| lines.misclosures.clone()).collect();
+        solved.left[2][0] -= 4e-6;
         let distance = readings(&bench.campaign, &solved);
         assert!((distance(0, 1) - 10e-6).abs() < 1e-12 && (distance(0, 2) - 10e-6).abs() < 1e-12);
     }
