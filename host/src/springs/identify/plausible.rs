@@ -282,6 +282,19 @@ mod tests {
         }
     }
 
+    /// A cart gives way by one spring, the platform by sums of several with either sign, some of which nearly cancel.
+    #[test]
+    fn what_one_spring_predicts_is_sure() {
+        for series in 0..9 {
+            let mut bench: Bench<3> = campaign_a(FINE);
+            bench.campaign.windows.retain(|window| window.series == series);
+            let question = bench.question();
+            let lines = rounds(&question, &Choice::all(&bench.campaign), State::start(&question), 1).unwrap().lines;
+            let of_carts = (6..9).all(|gauge| is_sure(&question, &lines, gauge));
+            assert!(of_carts && !is_sure(&question, &lines, 4), "{series}");
+        }
+    }
+
     /// Campaign A, whose first series has no load but what `change` makes of its fourth window.
     fn with_load(change: impl Fn(&mut crate::measurements::springs::Window<3>)) -> Result<(), FileError> {
         let mut bench: Bench<3> = campaign_a(FINE);
