@@ -473,6 +473,13 @@ mod tests {
         Rows::new(residuals, DMatrix::from_row_iterator(10, 2, derivatives))
     }
 
+    #[test]
+    fn a_pivot_is_small_beside_the_largest() {
+        let rank = |pivots: [f64; 2]| rank(&DMatrix::from_diagonal(&DVector::from_row_slice(&pivots)));
+        assert_eq!([[1e6, 1e-9], [1e6, -1e-3], [1e-6, 1e-9]].map(rank), [1, 2, 2]);
+        assert_eq!(super::rank(&DMatrix::from_row_slice(1, 3, &[2.0, 1.0, 1.0])), 1, "of fewer rows than columns");
+    }
+
     fn moved(state: &[f64; 2], step: &DVector<f64>) -> [f64; 2] {
         [state[0] + step[0], state[1] + step[1]]
     }

@@ -218,6 +218,22 @@ fn a_series_remounted_before_its_first_window_is_not_asked_for_again() {
     assert_eq!(bench.names(), ["x1.2 1", "x1.2 2", "x1.2 3"]);
 }
 
+#[test]
+fn a_level_that_was_skipped_is_asked_for_when_the_series_is_mounted_anew() {
+    let mut bench = Bench::new("skipped", &[0, 60, 0], true);
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    bench.key("skip");
+    bench.key("remount");
+    bench.wait(1);
+    bench.key("");
+    bench.wait(8);
+    bench.pull_n = (60.0, 0.0);
+    bench.wait(8);
+    assert_eq!(bench.names(), ["x1 1", "x1.2 1", "x1.2 2"]);
+}
+
 /// The later series was mounted anew by an earlier program.
 #[test]
 fn a_remounted_series_does_not_ask_for_a_later_one_again() {
