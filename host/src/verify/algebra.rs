@@ -40,3 +40,26 @@ pub(super) fn chi_squared(rows: &Rows, factor: &DMatrix<f64>) -> (f64, usize) {
     let explained = square.cholesky().map_or(0.0, |square| right.dot(&square.solve(&right)));
     (rows.residuals.norm_squared() - explained, rows.degrees())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Directions of which one is not seen, in any unit: the conditions of Moore and Penrose.
+    #[test]
+    fn a_pseudo_inverse_undoes_what_is_seen() {
+        for scale in [1e-4, 1.0, 1e4] {
+            let ways = DMatrix::from_fn(7, 6, |row, column| {
+                // The last column is the sum of the first two.
+                let entry = |column: usize| (1.7 * (7 * row + column) as f64).sin();
+                scale * if column < 5 { entry(column) } else { entry(0) + entry(1) }
+            });
+            let square = ways.tr_mul(&ways);
+            let inverse = pseudo_inverse(&ways);
+            let close = |one: DMatrix<f64>, other: &DMatrix<f64>| (&one - other).amax() < 1e-9 * other.amax();
+            assert!(close(&square * inverse * &square, &square), "{scale}");
+            let whole = DMatrix::from_column_slice(6, 6, inverse.as_slice());
+            assert!(close(&whole * &square * &whole, &whole) && whole.amax() > 0.0, "{scale}");
+        }
+    }
+}

@@ -177,6 +177,13 @@ fn what_is_fixed_is_a_joint_and_a_mean_along_the_axis() {
     }
 }
 
+/// A machine that is millimetres off may stand beyond an end that the file's has.
+#[test]
+fn a_calibration_knows_no_travel() {
+    assert!(presets::f1().travel.is_some());
+    assert!(Poses::kinematics(&presets::f1()).unwrap().robot().geometry().travel.is_none());
+}
+
 #[test]
 fn poses_without_noise_give_the_machine() {
     for seed in 0..5 {

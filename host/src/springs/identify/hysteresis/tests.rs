@@ -10,6 +10,9 @@ fn a_value_falls_with_one_that_it_stands_for() {
     assert_eq!(significant(&DVector::from_vec(vec![1.9, 1.5]), &covariance), [] as [usize; 0]);
     // By hand: without the second the first is 3.0 - 0.9 * 1.0 = 2.1, its deviation sqrt(1 - 0.81) = 0.436.
     assert_eq!(significant(&DVector::from_vec(vec![3.0, 1.0]), &covariance), [0]);
+    // By hand: without the first the second is 2.1 - 0.99 * 1.9 = 0.219, its deviation sqrt(1 - 0.9801) = 0.141.
+    let alike = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.99, 1.0]);
+    assert_eq!(significant(&DVector::from_vec(vec![1.9, 2.1]), &alike), [] as [usize; 0]);
     let apart = DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, 4.0, 1.0]));
     assert_eq!(significant(&DVector::from_vec(vec![-2.1, 3.0, 2.5]), &apart), [0, 2]);
     assert_eq!(significant(&DVector::zeros(0), &DMatrix::zeros(0, 0)), [] as [usize; 0]);
