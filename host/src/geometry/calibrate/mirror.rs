@@ -68,8 +68,8 @@ mod tests {
         let pose = MeasuredPose { name: Name::made("p1"), q: first, position_m: Vector3::zeros(), rotation: None };
         let places =
             Places { poses: &[pose], whitening: Matrix3::identity(), configuration: presets::l2().configuration };
-        for arm in 0..ARMS {
-            let joint_m = machine.origins_m[arm] + machine.guideways[arm] * first[arm];
+        for (arm, q) in first.into_iter().enumerate() {
+            let joint_m = machine.origins_m[arm] + machine.guideways[arm] * q;
             for (off_m, is_beyond) in [(-1e-3, true), (1e-3, false)] {
                 let normal = machine.guideways[arm].normalize();
                 let shape = Shape { centre_m: joint_m + normal * off_m, normal, extents_m: [0.5, 0.4, 0.0] };
