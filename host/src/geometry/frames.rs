@@ -24,10 +24,12 @@ pub fn rigid(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Isometry3<f64>> {
     let from_mean = pairs.iter().map(|(from, _)| from).sum::<Vector3<f64>>() / count;
     let to_mean = pairs.iter().map(|(_, to)| to).sum::<Vector3<f64>>() / count;
     let m: Matrix3<f64> = pairs.iter().map(|(from, to)| (from - from_mean) * (to - to_mean).transpose()).sum();
-    let skew = Vector3::new(m[(1, 2)] - m[(2, 1)], m[(2, 0)] - m[(0, 2)], m[(0, 1)] - m[(1, 0)]);
+    // tr M, d^T
+    // d,    M + M^T - tr M
+    let d = Vector3::new(m[(1, 2)] - m[(2, 1)], m[(2, 0)] - m[(0, 2)], m[(0, 1)] - m[(1, 0)]);
     let mut horn = Matrix4::from_element(m.trace());
-    horn.fixed_view_mut::<3, 1>(1, 0).copy_from(&skew);
-    horn.fixed_view_mut::<1, 3>(0, 1).tr_copy_from(&skew);
+    horn.fixed_view_mut::<3, 1>(1, 0).copy_from(&d);
+    horn.fixed_view_mut::<1, 3>(0, 1).tr_copy_from(&d);
     horn.fixed_view_mut::<3, 3>(1, 1).copy_from(&(m + m.transpose() - Matrix3::identity() * m.trace()));
     if !horn.iter().all(|entry| entry.is_finite()) {
         return None;

@@ -92,6 +92,14 @@ fn levels_become_windows() {
     assert_eq!(made.missed, [""; 0]);
     let text = std::fs::read(bench.path()).unwrap();
     assert_eq!(made.campaign.crc, crc32fast::hash(&text));
+    // Mistaken columns are looked for as the sensor shows them.
+    let mounting = Mounting::from(&bench.robot.sensor);
+    let load = Vector6::new(10.0, -20.0, 30.0, 1.0, 2.0, -3.0);
+    let shown = [load, Vector6::zeros()].map(|load| mounting.seen(&load, &UnitQuaternion::identity()));
+    let WrenchColumns { names, maps } = &made.campaign.wrench;
+    assert_eq!((*names, maps.len()), (SENSOR, bench.plan.poses.len()));
+    assert!((maps[0].load_of_columns * (shown[0] - shown[1]) - load).amax() < 1e-9);
+    assert!((maps[0].columns_of_load * load - (shown[0] - shown[1])).amax() < 1e-9);
     let found: Vec<_> = made.campaign.windows.iter().map(|window| (window.window.as_str(), window.stroke)).collect();
     assert_eq!(found, [("1", 0), ("2", 1), ("3", -1)]);
     let lines: Vec<u64> = made.campaign.windows.iter().map(|window| window.line).collect();

@@ -527,8 +527,8 @@ fn large_residuals_without_noise_and_repeats_are_not_believed() {
 }
 
 #[test]
-fn more_than_a_tenth_of_the_readings_left_out_is_told() {
-    for (every, is_told) in [(12, false), (8, true)] {
+fn more_than_a_tenth_of_the_readings_left_out_is_a_doubt() {
+    for (every, is_doubt) in [(12, false), (8, true)] {
         let (mut bench, _) = good(campaign_a(FINE), 4);
         let readings = bench.campaign.windows.iter_mut().flat_map(|window| &mut window.readings_m).flatten();
         for (index, reading) in readings.skip(3).step_by(every).enumerate() {
@@ -537,7 +537,7 @@ fn more_than_a_tenth_of_the_readings_left_out_is_told() {
         let found = find(bench.question(), &options()).unwrap();
         let answer = found.answer("l2");
         let said = found.doubts(&answer).iter().any(|doubt| doubt.contains("of 891 readings do not agree"));
-        assert_eq!(said, is_told, "one in {every}: {}", answer.outliers.len());
+        assert_eq!(said, is_doubt, "one in {every}: {}", answer.outliers.len());
     }
 }
 

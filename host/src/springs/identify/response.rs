@@ -282,7 +282,7 @@ mod tests {
 
     /// By three standard deviations in eight series, above and below in turn: as many above as below, before as after.
     #[test]
-    fn responses_that_differ_from_series_to_series_are_told_with_their_chance() {
+    fn responses_that_differ_from_series_to_series_are_named_with_their_chance() {
         let bench: Bench<3> = campaign_a(FINE);
         let of =
             |series: usize| (series, Response { product: if series % 2 == 0 { 60.0 } else { -60.0 }, squares: 100.0 });

@@ -219,7 +219,7 @@ fn a_series_remounted_before_its_first_window_is_not_asked_for_again() {
 }
 
 #[test]
-fn a_level_that_was_skipped_is_asked_for_when_the_series_is_mounted_anew() {
+fn a_level_that_was_skipped_is_asked_for_in_a_remounted_series() {
     let mut bench = Bench::new("skipped", &[0, 60, 0], true);
     bench.wait(1);
     bench.key("");
@@ -234,7 +234,7 @@ fn a_level_that_was_skipped_is_asked_for_when_the_series_is_mounted_anew() {
     assert_eq!(bench.names(), ["x1 1", "x1.2 1", "x1.2 2"]);
 }
 
-/// The later series was mounted anew by an earlier program.
+/// The later series was remounted by an earlier program.
 #[test]
 fn a_remounted_series_does_not_ask_for_a_later_one_again() {
     let plan = first_series(&campaign_a("", &[0, 60]), 2)
