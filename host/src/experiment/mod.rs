@@ -52,7 +52,7 @@ pub enum ExperimentError {
         series: Name,
         /// Level, N.
         level_n: f64,
-        /// What it shows.
+        /// Load that is shown, and why it is not borne.
         error: NotBorne,
     },
     /// The machine has no equilibrium under a load.

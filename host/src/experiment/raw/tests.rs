@@ -34,8 +34,12 @@ struct Bench {
 
 impl Bench {
     fn new(name: &str) -> Self {
+        Self::with_levels(name, &[0, 120, 0])
+    }
+
+    fn with_levels(name: &str, levels: &[u32]) -> Self {
         let folder = Folder::new(&format!("ticks-{name}"));
-        let plan = plan_in(&folder, &first_series(&campaign_a("", &[0, 120, 0]), 1));
+        let plan = plan_in(&folder, &first_series(&campaign_a("", levels), 1));
         let robot = RobotFile::builtin_l2().unwrap();
         let prediction = Prediction::new(&robot).unwrap();
         Self { folder, plan, robot, prediction, random: ChaCha8Rng::seed_from_u64(1), tick: 1_000 }
@@ -171,6 +175,18 @@ fn an_empty_table_is_begun() {
     std::fs::write(bench.path(), "").unwrap();
     bench.write(&CALM, true);
     assert_eq!(bench.read().unwrap().campaign.windows.len(), 3);
+}
+
+#[test]
+fn of_many_levels_that_do_not_settle_five_are_named() {
+    for (short, others) in [(5, None), (7, Some("2 more levels do not settle: left out"))] {
+        let mut bench = Bench::with_levels(&format!("short-{short}"), &vec![0; short + 1]);
+        let levels = (1..=short).flat_map(|level| [(Part::Way, 10, 0.5), (Part::Level(level), 500, 1.0)]);
+        bench.write(&[CALM[0]].into_iter().chain(levels).collect::<Vec<_>>(), false);
+        let missed = bench.read().unwrap().missed;
+        assert_eq!(missed.get(5).map(String::as_str), others);
+        assert!(missed.len() <= 6 && missed[4].starts_with("series x1, window 6 (line "), "{missed:?}");
+    }
 }
 
 #[test]

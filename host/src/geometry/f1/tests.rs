@@ -158,7 +158,7 @@ fn the_derivatives_are_those_of_the_forward_kinematics() {
     }
 }
 
-/// What is kept for what cannot be seen: the first joint, and the mean of two others along the plates' axis.
+/// Rows that keep four directions which cannot be seen: the first joint, and the mean of two others along the plates' axis.
 #[test]
 fn what_is_fixed_is_a_joint_and_a_mean_along_the_axis() {
     let rows = fixed(&file());

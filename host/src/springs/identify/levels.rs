@@ -97,9 +97,9 @@ fn readings<const N: usize>(campaign: &Campaign<N>, solved: &Solved<N>) -> impl 
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use nalgebra::Vector6;
 
+    use super::*;
     use crate::measurements::springs::Noise;
     use crate::springs::campaigns::{FINE, campaign_a};
     use crate::springs::choice::Choice;
