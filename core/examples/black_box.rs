@@ -1,4 +1,5 @@
-//! A black box in static memory: the compiler builds it, so that it never passes through a stack, optimised or not.
+//! A black box in static memory: the compiler builds it, so that it never passes through a stack,
+//! optimised or not.
 //!
 //! Firmware has `static_cell::ConstStaticCell` in the place of the mutex.
 
@@ -7,8 +8,8 @@ use std::thread;
 
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::{
-    Actual, AxisConfig, BlackBox, Config, Endpoint, EpochRange, LastWrite, MotorMap, Parameters, PositionNm, Reading,
-    Session, Start, TickInput, Travel,
+    Actual, AxisConfig, BlackBox, Config, Endpoint, EpochRange, LastWrite, MotorMap, Parameters,
+    PositionNm, Reading, Session, Start, TickInput, Travel,
 };
 
 /// More than half a megabyte.
@@ -17,11 +18,21 @@ static BLACK_BOX: Mutex<BlackBox<6, 64>> = Mutex::new(BlackBox::new());
 const STACK: usize = 256 << 10;
 
 fn endpoint() -> Option<Endpoint<6, 6>> {
-    let limits = Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 }).ok()?;
+    let limits = Limits::new(LimitValues {
+        max: 2_000_000,
+        step: 5_000,
+        accel: 10_000,
+        ramp: 100,
+    })
+    .ok()?;
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 1_000_000);
     let config = Config::new(Parameters::thesis([axis; 6])).ok()?;
     let session = Session::new(config, &Start::at_rest([PositionNm(0); 6])).ok()?;
-    Some(Endpoint::new(session, MotorMap::new([0, 1, 2, 3, 4, 5]).ok()?, EpochRange::VOLATILE))
+    Some(Endpoint::new(
+        session,
+        MotorMap::new([0, 1, 2, 3, 4, 5]).ok()?,
+        EpochRange::VOLATILE,
+    ))
 }
 
 /// Ticks, and returns the number of recorded ticks.
@@ -29,7 +40,10 @@ fn run() -> Option<usize> {
     let mut endpoint = endpoint()?;
     // Locked once: the cycle waits for nothing.
     let mut black_box = BLACK_BOX.try_lock().ok()?;
-    let reading = Reading { nominal: [PositionNm(0); 6], actual: [Actual::ZERO; 6] };
+    let reading = Reading {
+        nominal: [PositionNm(0); 6],
+        actual: [Actual::ZERO; 6],
+    };
     for _ in 0..200 {
         let tick = TickInput {
             elapsed_cycles: 1,
@@ -46,6 +60,13 @@ fn run() -> Option<usize> {
 }
 
 fn main() {
-    let ticks = thread::Builder::new().stack_size(STACK).spawn(run).ok().and_then(|thread| thread.join().ok()?);
-    println!("{} bytes, recorded ticks: {ticks:?}", size_of_val(&BLACK_BOX));
+    let ticks = thread::Builder::new()
+        .stack_size(STACK)
+        .spawn(run)
+        .ok()
+        .and_then(|thread| thread.join().ok()?);
+    println!(
+        "{} bytes, recorded ticks: {ticks:?}",
+        size_of_val(&BLACK_BOX)
+    );
 }

@@ -1,7 +1,8 @@
-//! The controller core of a Gantry-Tau parallel robot, after Holmstrand & Silverbåge,
-//! *Stiffness Compensation and External Control of Gantry-Tau Robots* (Lund University, 2013), cited as `[T]`.
+//! The controller core of a Gantry-Tau parallel robot, after Holmstrand & Silverbåge, *Stiffness
+//! Compensation and External Control of Gantry-Tau Robots* (Lund University, 2013), cited as `[T]`.
 //!
-//! No standard library, no allocation, no `unsafe`, no panic, no clock, no I/O: pure functions and one step function.
+//! No standard library, no allocation, no `unsafe`, no panic, no clock, no I/O: pure functions and
+//! one step function.
 //!
 //! A whole server without clock, sockets and drives; those are the caller's:
 //!
@@ -52,7 +53,11 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(
     not(feature = "verification"),
-    allow(unreachable_pub, dead_code, reason = "internals that only the module `verification` makes public")
+    allow(
+        unreachable_pub,
+        dead_code,
+        reason = "internals that only the module `verification` makes public"
+    )
 )]
 #![cfg_attr(
     test,

@@ -1,4 +1,5 @@
-//! Arrays of any length for serde, which knows lengths up to 32 by literals only: a sequence of exactly `N` elements.
+//! Arrays of any length for serde, which knows lengths up to 32 by literals only: a sequence of
+//! exactly `N` elements.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -38,10 +39,13 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<T, N> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Self::Value, A::Error> {
         let mut array = Vec::<T, N>::new();
         while let Some(element) = elements.next_element()? {
-            let more = || A::Error::invalid_length(N.saturating_add(1), &self);
-            array.push(element).map_err(|_| more())?;
+            array
+                .push(element)
+                .map_err(|_| A::Error::invalid_length(N.saturating_add(1), &self))?;
         }
         let length = array.len();
-        array.into_array().map_err(|_| A::Error::invalid_length(length, &self))
+        array
+            .into_array()
+            .map_err(|_| A::Error::invalid_length(length, &self))
     }
 }

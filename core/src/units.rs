@@ -1,8 +1,9 @@
 //! Units of the two number worlds, and the one crossing between them.
 //!
-//! The *reference path* (anything that can reach a drive) is integer: nanometres, µm/s, per mille of rated torque, ticks.
-//! The *float path* (kinematics, statics, compensation) is `f64` in SI units.
-//! [`PositionNm::from_metres`] and [`PositionNm::to_metres`] are the only ways across; every other conversion is built on them.
+//! The *reference path* (anything that can reach a drive) is integer: nanometres, µm/s, per mille
+//! of rated torque, ticks. The *float path* (kinematics, statics, compensation) is `f64` in SI
+//! units. [`PositionNm::from_metres`] and [`PositionNm::to_metres`] are the only ways across; every
+//! other conversion is built on them.
 //!
 //! ```
 //! use gantry_tau_core::units::{CrossingError, Metres, PositionNm};
@@ -41,7 +42,8 @@ counts! {
     Sequence(u64);
 }
 
-/// Epochs that no other run of the server has given or will give: reserved in a persisted counter before the server starts.
+/// Epochs that no other run of the server has given or will give: reserved in a persisted counter
+/// before the server starts.
 ///
 /// ```
 /// use gantry_tau_core::units::{Epoch, EpochRange};
@@ -64,7 +66,10 @@ pub struct EpochRange {
 
 impl EpochRange {
     /// Every epoch there is: for tests and simulations, whose frames end with them.
-    pub const VOLATILE: Self = Self { first: Epoch(1), last: Epoch(u64::MAX) };
+    pub const VOLATILE: Self = Self {
+        first: Epoch(1),
+        last: Epoch(u64::MAX),
+    };
 
     /// Returns the first epoch of the range above `used`; `None` when the range is used up.
     #[inline]
@@ -75,7 +80,8 @@ impl EpochRange {
     }
 }
 
-/// Unit of a [`crate::control::channel::Channel`]: [`OffsetNm`], [`VelocityUmS`] or [`TorquePermille`].
+/// Unit of a [`crate::control::channel::Channel`]: [`OffsetNm`], [`VelocityUmS`] or
+/// [`TorquePermille`].
 pub trait ChannelUnit: Copy + Eq + sealed::Sealed {
     /// Returns the count.
     fn count(self) -> i32;
@@ -175,20 +181,24 @@ impl PositionNm {
     /// Exact to half a nanometre plus one ulp of the product `metres * 1e9`.
     ///
     /// # Errors
-    /// [`CrossingError::NotFinite`] for NaN and infinities; [`CrossingError::OutOfRange`] from [`CROSSING_LIMIT_NM`] on.
+    /// [`CrossingError::NotFinite`] for NaN and infinities; [`CrossingError::OutOfRange`] from
+    /// [`CROSSING_LIMIT_NM`] on.
     #[inline]
     pub fn from_metres(value: Metres) -> Result<Self, CrossingError> {
         match Self::from_nanometres(value.0 * NM_PER_METRE) {
-            // The product of an infinity is one, and fails as such; the product of a huge finite value may be one too.
+            // The product of an infinity is one, and fails as such; the product of a huge finite
+            // value may be one too.
             Err(_) if !value.0.is_finite() => Err(CrossingError::NotFinite),
             crossed => crossed,
         }
     }
 
-    /// Float to integer, for a count of nanometres: the nearest whole one, halves away from zero. Nothing is rounded but this.
+    /// Float to integer, for a count of nanometres: the nearest whole one, halves away from zero.
+    /// Nothing is rounded but this.
     ///
     /// # Errors
-    /// [`CrossingError::NotFinite`] for NaN; [`CrossingError::OutOfRange`] from [`CROSSING_LIMIT_NM`] on, infinities included.
+    /// [`CrossingError::NotFinite`] for NaN; [`CrossingError::OutOfRange`] from
+    /// [`CROSSING_LIMIT_NM`] on, infinities included.
     #[inline]
     pub fn from_nanometres(count: f64) -> Result<Self, CrossingError> {
         // NaN is not within.
@@ -197,7 +207,9 @@ impl PositionNm {
             return Err(if count.is_nan() {
                 CrossingError::NotFinite
             } else {
-                CrossingError::OutOfRange { limit_nm: CROSSING_LIMIT_NM }
+                CrossingError::OutOfRange {
+                    limit_nm: CROSSING_LIMIT_NM,
+                }
             });
         }
         #[expect(
@@ -243,12 +255,17 @@ impl OffsetNm {
     #[inline]
     pub fn from_metres(value: Metres) -> Result<Self, CrossingError> {
         let wide = PositionNm::from_metres(value)?;
-        i32::try_from(wide.0).map(Self).map_err(|_| CrossingError::OutOfRange { limit_nm: i64::from(i32::MAX) })
+        i32::try_from(wide.0)
+            .map(Self)
+            .map_err(|_| CrossingError::OutOfRange {
+                limit_nm: i64::from(i32::MAX),
+            })
     }
 
-    /// Float to integer, cut to at most `limit` in magnitude (a negative limit is zero), and whether it was cut.
+    /// Float to integer, cut to at most `limit` in magnitude (a negative limit is zero), and
+    /// whether it was cut.
     ///
-    /// The last thing done is to compare integers: the limit holds whatever the float was.
+    /// The last thing done is to compare integers: the limit holds for every float.
     ///
     /// # Errors
     /// [`CrossingError::NotFinite`] for NaN. Infinities are cut.
@@ -262,7 +279,9 @@ impl OffsetNm {
         };
         let limit_nm = i64::from(limit.0.max(0));
         let cut_nm = wanted.max(limit_nm.wrapping_neg()).min(limit_nm);
-        i32::try_from(cut_nm).map(|nm| (Self(nm), cut_nm != wanted)).map_err(|_| CrossingError::OutOfRange { limit_nm })
+        i32::try_from(cut_nm)
+            .map(|nm| (Self(nm), cut_nm != wanted))
+            .map_err(|_| CrossingError::OutOfRange { limit_nm })
     }
 
     /// Integer to float; total.
@@ -296,17 +315,24 @@ mod tests {
     #[test]
     fn refuses_what_is_not_a_position() {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert_eq!(PositionNm::from_metres(Metres(bad)), Err(CrossingError::NotFinite));
+            assert_eq!(
+                PositionNm::from_metres(Metres(bad)),
+                Err(CrossingError::NotFinite)
+            );
         }
         for far in [1e7, -1e7, f64::MAX, f64::MIN] {
             assert_eq!(
                 PositionNm::from_metres(Metres(far)),
-                Err(CrossingError::OutOfRange { limit_nm: CROSSING_LIMIT_NM })
+                Err(CrossingError::OutOfRange {
+                    limit_nm: CROSSING_LIMIT_NM
+                })
             );
         }
         assert_eq!(
             OffsetNm::from_metres(Metres(2.2)),
-            Err(CrossingError::OutOfRange { limit_nm: i64::from(i32::MAX) })
+            Err(CrossingError::OutOfRange {
+                limit_nm: i64::from(i32::MAX)
+            })
         );
     }
 }

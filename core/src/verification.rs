@@ -1,4 +1,5 @@
-//! Internals for proofs, fuzzing and tests. Not part of the public interface: anything here may change in any version.
+//! Internals for proofs, fuzzing and tests. Not part of the public interface: anything here may
+//! change in any version.
 
 pub mod control;
 #[cfg(feature = "model")]

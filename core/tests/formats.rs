@@ -1,5 +1,5 @@
-//! Every public error, state, event and counter can be logged on a target. The compiler checks this:
-//! `cargo clippy -p gantry-tau-core --all-targets --all-features`.
+//! Every public error, state, event and counter can be logged on a target. The compiler checks
+//! this: `cargo clippy -p gantry-tau-core --all-targets --all-features`.
 #![cfg(feature = "defmt")]
 
 use defmt::Format;
@@ -7,10 +7,12 @@ use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits, LimitsError};
 use gantry_tau_core::control::endpoint::{Full, MotorMap, MotorMapError, Transport};
 use gantry_tau_core::control::message::{
-    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, ContentError, Counters, FrameError,
-    Hello, Mode, Phase, Refusal, ServerMessage, State, Welcome,
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, ContentError,
+    Counters, FrameError, Hello, Mode, Phase, Refusal, ServerMessage, State, Welcome,
 };
-use gantry_tau_core::control::session::config::{AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel};
+use gantry_tau_core::control::session::config::{
+    AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel,
+};
 use gantry_tau_core::control::session::recorder::Entry;
 use gantry_tau_core::control::session::{
     Connection, Event, Input, LastWrite, Output, Replayed, Session, Start, StartError, TickInput,
@@ -23,7 +25,8 @@ use gantry_tau_core::model::robot::{Branch, Parameter, RobotError};
 use gantry_tau_core::model::sensor::{Reading, SensorError, SensorState};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{
-    CrossingError, Epoch, EpochRange, Metres, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    CrossingError, Epoch, EpochRange, Metres, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
+    VelocityUmS,
 };
 
 /// Compiles for what can be logged.

@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 """The demonstration: a part on our kinematics, 300 N held by a client on the network, which is killed in mid-path; the ramp; the next client.
 
-    demo.py [--robot l2|f1|FILE] [--real] [--gantry-tau PROGRAM] FOLDER
+    demo.py [--robot l2|f1|FILE] [--real] [--gantry-tau PROGRAM] [--report PROGRAM] FOLDER
 
-Needs the modules of the machine among those of LinuxCNC, and an ordinary user. Records every servo period, and lets `gantry-tau
-linuxcnc-report` write FOLDER/report.html. Servo thread and client run in lock-step, unless `--real`: then a computer that does not hold 1 kHz
+Needs the modules of the machine among those of LinuxCNC, and an ordinary user. Records every servo period, and lets the
+program of the folder `report` write FOLDER/report.html. Servo thread and client run in lock-step, unless `--real`: then a computer that does not hold 1 kHz
 ends the sessions. LinuxCNC starts this file again as its screen, with `-ini FILE`.
 """
 
@@ -31,7 +31,7 @@ KILLED_AT = 0.5
 REST_S = 0.5
 LISTENING, OBTAIN, SAFE_DISCONNECT, FAULT = 0, 3, 4, 5
 
-# Joints in nm, as the server counts them: commands, references, offsets. What the server and its sensor say besides.
+# Joints in nm, as the server counts them: commands, references, offsets. Other outputs of the server and its sensor.
 HAL = """
 set joints $::KINS(JOINTS)
 loadrt sampler depth=4000,4000 cfg=[string repeat f [expr {3 * $joints}]],ffffffssuu
@@ -236,9 +236,7 @@ def play(options):
     (folder / "said.txt").write_text("\n".join(said) + "\n")
     for name in ("joints.txt", "server.txt"):
         shutil.move(ini.parent / name, folder / name)
-    command = [*shlex.split(options.gantry_tau), "linuxcnc-report", folder, "--robot", robot]
-    command += ["--report", folder / "report.html", "--json", folder / "report.json"]
-    return subprocess.run(command).returncode
+    return subprocess.run([*shlex.split(options.report), folder, "--robot", robot]).returncode
 
 
 if __name__ == "__main__":
@@ -248,5 +246,6 @@ if __name__ == "__main__":
     parser.add_argument("--robot", default="l2", metavar="l2|f1|FILE")
     parser.add_argument("--real", action="store_true", help="in real time; the default is lock-step")
     parser.add_argument("--gantry-tau", default="gantry-tau", metavar="PROGRAM")
+    parser.add_argument("--report", default="gantry-tau-linuxcnc-report", metavar="PROGRAM")
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     sys.exit(play(parser.parse_args()))

@@ -1,4 +1,4 @@
-/* Epochs from a counter that is persisted before use, so that frames of earlier sessions stay invalid. As host/src/state/. */
+/* Epochs from a counter that is persisted before use, so that frames of earlier sessions stay invalid. As host/server/src/state/. */
 #ifndef GANTRY_TAU_EPOCHS_H
 #define GANTRY_TAU_EPOCHS_H
 

@@ -1,4 +1,4 @@
-/* Sockets of the server inside a realtime thread (sockets.h). As host/src/server/connections and host/src/record_link.rs have them. */
+/* Sockets of the server inside a realtime thread (sockets.h). As host/server/src/server/connections and host/server/src/links.rs have them. */
 #include "sockets.h"
 
 #include <arpa/inet.h>
@@ -24,7 +24,7 @@ enum {
     /* New connections accepted per visit. */
     ACCEPTS = 2,
     SENSOR_READERS = 4,
-    /* Bytes that the system keeps for a reader, as host/src/readers.rs. */
+    /* Bytes that the system keeps for a reader, as host/server/src/links/subscribers.rs. */
     SEND_BUFFER = 128 * 1024,
     /* Records within which a reader that reads nothing is not told from one that does, and calls after which one with so few is idle. */
     UNPROVEN = 65536 / SENSOR_RECORD,
@@ -396,7 +396,7 @@ static struct reader *gives_way(in_addr_t newcomer)
     return places_of(youngest->address) > places_of(newcomer) + 1 ? youngest : NULL;
 }
 
-/* Returns the place of a newcomer, as host/src/readers.rs; NULL if it has to wait. */
+/* Returns the place of a newcomer, as host/server/src/links/subscribers.rs; NULL if it has to wait. */
 static struct reader *place_for(in_addr_t newcomer)
 {
     struct reader *given;

@@ -60,7 +60,7 @@ REFUSALS = {
 }
 LOCKSTEP = 1                 # The only capability that is assigned.
 SILENCE_S = 3.0              # Time without a frame after which the server has vanished.
-CEILING_NM = 10_000_000      # Largest position offset that is ever asked for, whatever the server allows.
+CEILING_NM = 10_000_000      # Largest position offset that is ever asked for, even if the server allows more.
 FLAGS_END = 1 << 5           # Flags of an axis are below it.
 GOODBYE_STATES = 100         # Live States after a Goodbye in which the server may still not have received it.
 FIRST_SAMPLE_STATES = 3_000  # States to wait for the first usable force sample: idle readers that hold the places of the port are dropped by then.
@@ -166,7 +166,7 @@ def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, 
 
     `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
     kinematic parameters, the lead of its screws included (`gantry-tau header` writes it). `ceiling_nm`: largest position offset that is ever
-    asked for, whatever the server allows. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
+    asked for, even if the server allows more. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
     each of them the server ramps the offsets to zero by itself.
     """
     connection = None

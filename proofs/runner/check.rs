@@ -1,4 +1,5 @@
-//! Agreement of manifest, mutants, sources and the README's table. Every disagreement is a sentence.
+//! Agreement of manifest, mutants, sources and the page of results. Every disagreement is a
+//! sentence.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -6,13 +7,10 @@ use std::path::Path;
 use gantry_tau_proofs::harness::{HARNESSES, Harness};
 
 use crate::manifest::Manifest;
-use crate::prove::{self, Job};
+use crate::prove;
 use crate::results::{Results, Standing};
 use crate::sources::{self, Sources};
-use crate::{composition, files, flags, mutate, read, report, verdict};
-
-/// Folders of what is proved.
-const SOURCES: [&str; 3] = ["core/src/", "host/capi/src/", "host/labcomm/src/"];
+use crate::{composition, files, flags, mutate, page, read, verdict};
 
 /// Every harness of the source.
 fn declared() -> impl Iterator<Item = &'static Harness> {
@@ -30,73 +28,124 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
     wrong.extend(harnesses_agree(manifest));
     wrong.extend(mutants_apply(root, manifest));
     wrong.extend(families_are_tried(root, manifest)?);
-    for folder in SOURCES.iter().chain(&["proofs/src"]) {
+    for folder in mutate::FOLDERS.iter().chain(&["proofs/src"]) {
         for path in files(&root.join(folder))? {
-            let (path, text) = (path.display().to_string(), read(&path)?);
+            let text = read(&path)?;
+            let path = path.display().to_string();
             wrong.extend(uncovered(&path, &text));
             wrong.extend(speechless(&path, &text));
         }
     }
     wrong.extend(sources::strays(root)?);
     wrong.extend(flags::in_manifests(root)?);
-    wrong.extend(composition::disagreements(&read(&root.join("proofs/composition.md"))?, manifest));
+    wrong.extend(composition::disagreements(
+        &read(&root.join("proofs/composition.md"))?,
+        manifest,
+    ));
     let results = Results::load(root)?;
     let unknown = results.unknown(manifest);
-    wrong.extend(unknown.iter().map(|name| format!("proofs/results.json: {name} is not in the manifest; run `table`")));
-    let readme = read(&root.join("proofs/README.md"))?;
-    let cells = report::cells(manifest, &results, &Sources::read(root)?);
-    if report::with_table(&readme, manifest, &report::shown(&readme, manifest, &results, cells))? != readme {
-        wrong.push("proofs/README.md: the table of harnesses is stale; run `table`".to_owned());
+    wrong.extend(
+        unknown
+            .iter()
+            .map(|name| format!("proofs/results.json: {name} is not in the manifest; run `table`")),
+    );
+    let page = page::load(root)?;
+    let cells = page::cells(manifest, &results, &Sources::read(root)?);
+    if page::text(manifest, &page::shown(&page, manifest, &results, cells)) != page {
+        wrong.push(format!(
+            "{}: differs from manifest, mutants and results; run `table`",
+            page::PATH
+        ));
     }
     Ok(wrong)
 }
 
 /// Everything that has no result on this source: rows by their names, and texts that claim more.
 pub(crate) fn unproved(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
-    let (results, sources) = (Results::load(root)?, Sources::read(root)?);
+    let results = Results::load(root)?;
+    let sources = Sources::read(root)?;
     let jobs = prove::jobs(manifest);
-    let complaint = |job: &Job<'_>| results.standing(&sources, *job).complaint(job.name());
-    let mut said: Vec<String> = jobs.iter().filter_map(complaint).collect();
-    let readme = read(&root.join("proofs/README.md"))?;
-    if report::with_table(&readme, manifest, &report::cells(manifest, &results, &sources))? != readme {
-        said.push("proofs/README.md: the table shows results of other sources; run `table`".to_owned());
+    let mut said: Vec<String> = jobs
+        .iter()
+        .filter_map(|job| results.standing(&sources, *job).complaint(job.name()))
+        .collect();
+    if page::text(manifest, &page::cells(manifest, &results, &sources)) != page::load(root)? {
+        said.push(format!(
+            "{}: shows results of other sources; run `table`",
+            page::PATH
+        ));
     }
-    let current = |job: &Job<'_>| matches!(results.standing(&sources, *job), Standing::Current(_));
-    let open = jobs.iter().filter(|job| job.mutant.is_none() && !current(job));
-    let open: BTreeSet<&str> = open.flat_map(|job| job.row.theorems.iter().map(String::as_str)).collect();
-    let mut pages = if root.join("docs").is_dir() { files(&root.join("docs"))? } else { Vec::new() };
-    pages.extend(["README.md", "proofs/README.md"].map(|page| root.join(page)));
+    let open = jobs.iter().filter(|job| {
+        job.mutant.is_none() && !matches!(results.standing(&sources, **job), Standing::Current(_))
+    });
+    let open: BTreeSet<&str> = open
+        .flat_map(|job| job.row.theorems.iter().map(String::as_str))
+        .collect();
+    let mut pages = if root.join("docs").is_dir() {
+        files(&root.join("docs"))?
+    } else {
+        Vec::new()
+    };
+    pages.extend(
+        ["README.md", "proofs/README.md", "proofs/theorems.md"].map(|page| root.join(page)),
+    );
     pages.retain(|path| path.is_file() && path.extension().is_some_and(|end| end == "md"));
     for path in pages {
-        let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();
+        let name = path
+            .strip_prefix(root)
+            .unwrap_or(&path)
+            .display()
+            .to_string();
         said.extend(claims(&name, &read(&path)?, &open));
     }
     Ok(said)
 }
 
-/// Checks of verified harnesses that no caught mutant makes fail: a proof of them may be of nothing.
+/// Checks of verified harnesses that no caught mutant makes fail: a proof of them may be of
+/// nothing.
 pub(crate) fn untried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
-    let (results, sources) = (Results::load(root)?, Sources::read(root)?);
-    let (mut fell, mut stated) = (BTreeSet::new(), BTreeSet::new());
+    let results = Results::load(root)?;
+    let sources = Sources::read(root)?;
+    let mut fell = BTreeSet::new();
+    let mut stated = BTreeSet::new();
     for job in prove::jobs(manifest) {
-        let Standing::Current(entry) = results.standing(&sources, job) else { continue };
+        let Standing::Current(entry) = results.standing(&sources, job) else {
+            continue;
+        };
         match job.mutant {
             Some(_) => fell.extend(entry.fell.iter().cloned()),
-            None => stated.extend(entry.states.iter().map(|text| (text.clone(), job.name().to_owned()))),
+            None => stated.extend(
+                entry
+                    .states
+                    .iter()
+                    .map(|text| (text.clone(), job.name().to_owned())),
+            ),
         }
     }
     // One of several harnesses with this check is enough.
-    let mut open = stated.into_iter().filter(|(text, _)| !fell.contains(text)).collect::<Vec<_>>();
+    let mut open = stated
+        .into_iter()
+        .filter(|(text, _)| !fell.contains(text))
+        .collect::<Vec<_>>();
     open.dedup_by(|next, one| next.0 == one.0);
-    Ok(open.into_iter().map(|(text, name)| format!("UNTRIED: \"{text}\" of {name}: no mutant makes it fail")).collect())
+    Ok(open
+        .into_iter()
+        .map(|(text, name)| format!("UNTRIED: \"{text}\" of {name}: no mutant makes it fail"))
+        .collect())
 }
 
-/// Lines of tables that say "proved" of a theorem without results.
-fn claims(path: &str, text: &str, open: &BTreeSet<&str>) -> Vec<String> {
+/// Rows of tables, items of lists and paragraphs that say "proved" of a theorem without results.
+fn claims(path: &str, page: &str, open: &BTreeSet<&str>) -> Vec<String> {
     let mut said = Vec::new();
-    for (number, line) in (1..).zip(text.lines()) {
-        let claims = line.starts_with('|') && line.to_lowercase().replace("not proved", "").contains("proved");
-        let named: Vec<&str> = named(line).into_iter().filter_map(|name| open.get(name.as_str()).copied()).collect();
+    for (number, text) in statements(page) {
+        let claims = text
+            .to_lowercase()
+            .replace("not proved", "")
+            .contains("proved");
+        let named: Vec<&str> = named(&text)
+            .into_iter()
+            .filter_map(|name| open.get(name.as_str()).copied())
+            .collect();
         if claims && !named.is_empty() {
             let named = named.join(", ");
             said.push(format!(
@@ -107,19 +156,47 @@ fn claims(path: &str, text: &str, open: &BTreeSet<&str>) -> Vec<String> {
     said
 }
 
-/// Theorems that a line names: `T4, T5`, or `T13 to T15`.
-fn named(line: &str) -> BTreeSet<String> {
-    let number = |word: &str| word.strip_prefix('T')?.parse::<u32>().ok();
-    let words: Vec<&str> =
-        line.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
-    let mut found: BTreeSet<u32> = words.iter().filter_map(|word| number(word)).collect();
+/// Rows of tables, items of lists and paragraphs of a page, each with the number of its first line.
+fn statements(page: &str) -> Vec<(usize, String)> {
+    let mut statements: Vec<(usize, String)> = Vec::new();
+    let mut goes_on = false;
+    for (number, line) in (1..).zip(page.lines().map(str::trim)) {
+        let begins = ["|", "- ", "* ", "#"]
+            .iter()
+            .any(|start| line.starts_with(start));
+        match statements.last_mut() {
+            Some((_, text)) if goes_on && !begins => text.extend([" ", line]),
+            _ => statements.push((number, line.to_owned())),
+        }
+        goes_on = !(line.is_empty() || line.starts_with(['|', '#']));
+    }
+    statements
+}
+
+/// Theorems that a text names: `T4, T5`, or `T13 to T15`.
+fn named(text: &str) -> BTreeSet<String> {
+    let words: Vec<&str> = text
+        .split(|letter: char| !letter.is_alphanumeric())
+        .filter(|word| !word.is_empty())
+        .collect();
+    let mut found: BTreeSet<u32> = words
+        .iter()
+        .filter_map(|word| theorem_number(word))
+        .collect();
     for part in words.windows(3) {
         let [first, "to", last] = part else { continue };
-        if let (Some(first), Some(last)) = (number(first), number(last)) {
+        if let (Some(first), Some(last)) = (theorem_number(first), theorem_number(last)) {
             found.extend(first..=last);
         }
     }
-    found.into_iter().map(|number| format!("T{number}")).collect()
+    found
+        .into_iter()
+        .map(|number| format!("T{number}"))
+        .collect()
+}
+
+fn theorem_number(word: &str) -> Option<u32> {
+    word.strip_prefix('T')?.parse().ok()
 }
 
 /// Names are unique, theorems exist and have harnesses.
@@ -127,9 +204,14 @@ fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut seen = BTreeSet::new();
     let mutants = manifest.mutants.iter().map(|mutant| &mutant.name);
-    for name in manifest.harnesses.iter().map(|row| &row.name).chain(mutants) {
+    for name in manifest
+        .harnesses
+        .iter()
+        .map(|row| &row.name)
+        .chain(mutants)
+    {
         if !seen.insert(name) {
-            wrong.push(format!("{name}: stands twice in the manifest"));
+            wrong.push(format!("{name}: occurs twice in the manifest"));
         }
     }
     let mut unproved: BTreeSet<&String> = manifest.theorems.iter().map(|row| &row.name).collect();
@@ -141,11 +223,18 @@ fn rows_make_sense(manifest: &Manifest) -> Vec<String> {
         for theorem in &row.theorems {
             unproved.remove(theorem);
             if !theorems.contains(theorem) {
-                wrong.push(format!("{}: {theorem} is not a theorem of the manifest", row.name));
+                wrong.push(format!(
+                    "{}: {theorem} is not a theorem of the manifest",
+                    row.name
+                ));
             }
         }
     }
-    wrong.extend(unproved.iter().map(|name| format!("{name}: no harness proves a part of it")));
+    wrong.extend(
+        unproved
+            .iter()
+            .map(|name| format!("{name}: no harness proves a part of it")),
+    );
     wrong
 }
 
@@ -157,13 +246,17 @@ fn harnesses_agree(manifest: &Manifest) -> Vec<String> {
         match harness(name) {
             None => wrong.push(format!("{name}: in the manifest, not in the source")),
             Some(harness) if !harness.stubs.is_empty() && row.assumes.is_empty() => {
-                wrong.push(format!("{name}: has stubs, and the manifest does not say what it assumes"));
+                wrong.push(format!(
+                    "{name}: has stubs, and the manifest does not say what it assumes"
+                ));
             }
             Some(_) => {}
         }
     }
     let missing = declared().filter(|harness| manifest.row(harness.name).is_none());
-    wrong.extend(missing.map(|harness| format!("{}: in the source, not in the manifest", harness.name)));
+    wrong.extend(
+        missing.map(|harness| format!("{}: in the source, not in the manifest", harness.name)),
+    );
     wrong
 }
 
@@ -173,13 +266,23 @@ fn mutants_apply(root: &Path, manifest: &Manifest) -> Vec<String> {
     for mutant in &manifest.mutants {
         let name = &mutant.name;
         if manifest.row(&mutant.harness).is_none() {
-            wrong.push(format!("{name}: its harness {} is not in the manifest", mutant.harness));
+            wrong.push(format!(
+                "{name}: its harness {} is not in the manifest",
+                mutant.harness
+            ));
         }
         if mutant.fails.is_empty() {
             wrong.push(format!("{name}: names no check that must fail"));
         }
-        if mutant.old == mutant.new || !SOURCES.iter().any(|folder| mutant.file.starts_with(folder)) {
-            wrong.push(format!("{name}: changes nothing in {}", SOURCES.join(" or ")));
+        if mutant.old == mutant.new
+            || !mutate::FOLDERS
+                .iter()
+                .any(|folder| mutant.file.starts_with(folder))
+        {
+            wrong.push(format!(
+                "{name}: changes nothing in {}",
+                mutate::FOLDERS.join(" or ")
+            ));
         }
         wrong.extend(mutate::fits(root, mutant).err());
     }
@@ -188,13 +291,19 @@ fn mutants_apply(root: &Path, manifest: &Manifest) -> Vec<String> {
 
 /// Each file of the harnesses is compiled, and a mutant tries one of its harnesses.
 fn families_are_tried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
-    let tried = |name: &str| manifest.mutants.iter().any(|mutant| mutant.harness == name);
+    let tried: BTreeSet<&str> = manifest
+        .mutants
+        .iter()
+        .map(|mutant| mutant.harness.as_str())
+        .collect();
     let mut wrong = Vec::new();
     for path in files(&root.join("proofs/src/harness"))? {
         let family = path.file_stem().unwrap_or_default().to_string_lossy();
         let mut harnesses = declared().filter(|harness| harness.family() == family);
-        if family != "mod" && !harnesses.any(|harness| tried(harness.name)) {
-            wrong.push(format!("family {family}: no mutant tries any of its harnesses"));
+        if family != "mod" && !harnesses.any(|harness| tried.contains(harness.name)) {
+            wrong.push(format!(
+                "family {family}: no mutant tries any of its harnesses"
+            ));
         }
     }
     Ok(wrong)
@@ -202,11 +311,16 @@ fn families_are_tried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, S
 
 /// Assumptions that no cover follows at once. (In a harness `assume!` brings its own.)
 fn uncovered(path: &str, text: &str) -> Vec<String> {
-    let (mut line, mut wrong) = (1_usize, Vec::new());
+    let mut line = 1_usize;
+    let mut wrong = Vec::new();
     for (index, part) in text.split("kani::assume(").enumerate() {
-        let next = part.split_once(';').map_or("", |(_, next)| next.trim_start());
+        let next = part
+            .split_once(';')
+            .map_or("", |(_, next)| next.trim_start());
         if index > 0 && !next.starts_with("kani::cover!(") {
-            wrong.push(format!("{path}:{line}: no kani::cover! after this kani::assume"));
+            wrong.push(format!(
+                "{path}:{line}: no kani::cover! after this kani::assume"
+            ));
         }
         line = line.saturating_add(part.matches('\n').count());
     }
@@ -220,10 +334,15 @@ fn speechless(path: &str, text: &str) -> Vec<String> {
         let mut line = 1_usize;
         for (index, part) in text.split(start).enumerate() {
             let call = part.split_once(");").map_or(part, |(call, _)| call);
-            let said = call.trim_end().strip_suffix('"').and_then(|call| call.rsplit('"').next());
+            let said = call
+                .trim_end()
+                .strip_suffix('"')
+                .and_then(|call| call.rsplit('"').next());
             // The macros' own covers take their text from the caller.
             if index > 0 && !call.contains('$') && !said.is_some_and(verdict::says_what) {
-                wrong.push(format!("{path}:{line}: a cover does not say what it covers"));
+                wrong.push(format!(
+                    "{path}:{line}: a cover does not say what it covers"
+                ));
             }
             line = line.saturating_add(part.matches('\n').count());
         }

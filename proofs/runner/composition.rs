@@ -2,7 +2,8 @@
 
 use crate::manifest::Manifest;
 
-/// Axioms that the manifest does not have, or has at another number of axes; rows that the text names and the manifest does not have.
+/// Axioms that the manifest does not have, or has at another number of axes; rows that the text
+/// names and the manifest does not have.
 pub(crate) fn disagreements(page: &str, manifest: &Manifest) -> Vec<String> {
     let mut wrong = Vec::new();
     for line in page.lines() {
@@ -12,10 +13,16 @@ pub(crate) fn disagreements(page: &str, manifest: &Manifest) -> Vec<String> {
             _ => None,
         };
         // Names of rows, and not those of files.
-        let names = line.split('`').skip(1).step_by(2).filter(|name| name.contains('_') && !name.contains(['.', ' ']));
+        let names = line
+            .split('`')
+            .skip(1)
+            .step_by(2)
+            .filter(|name| name.contains('_') && !name.contains(['.', ' ']));
         for name in names {
             match manifest.row(name) {
-                None => wrong.push(format!("proofs/composition.md: {name} is not a row of the manifest")),
+                None => wrong.push(format!(
+                    "proofs/composition.md: {name} is not a row of the manifest"
+                )),
                 Some(row) if at.is_some_and(|at| !row.domain.starts_with(at)) => {
                     wrong.push(format!(
                         "proofs/composition.md: {name} is of {}, not of {}",

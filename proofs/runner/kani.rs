@@ -16,7 +16,8 @@ pub(crate) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Line that Kani prints when the solver starts.
 const SOLVING: &str = "Checking harness";
 
-/// Flags of every run, beside the family, the harness and the folders. Changed, they make every result stale.
+/// Flags of every run, beside the family, the harness and the folders. Changed, they make every
+/// result stale.
 pub(crate) const FLAGS: [&str; 4] = ["--lib", "--no-default-features", "-Z", "stubbing"];
 
 /// Interval of looking at a run.
@@ -54,13 +55,19 @@ pub(crate) fn version() -> Result<String, String> {
 }
 
 impl Kani {
-    /// Folder of the builds of core, or of its mutants. Cargo names both alike, for their places in their workspaces
-    /// are the same: in one folder it would take the build of a mutant for that of core, whose files are older.
+    /// Folder of the builds of core, or of its mutants. Cargo names both alike, for their places in
+    /// their workspaces are the same: in one folder it would take the build of a mutant for that of
+    /// core, whose files are older.
     fn builds(&self, of_mutants: bool) -> PathBuf {
-        if of_mutants { self.target.join("mutants") } else { self.target.clone() }
+        if of_mutants {
+            self.target.join("mutants")
+        } else {
+            self.target.clone()
+        }
     }
 
-    /// Makes Cargo build core and proofs anew: it goes by the times of files, which a checkout or a copy may set back.
+    /// Makes Cargo build core and proofs again: it goes by the times of files, which a checkout or
+    /// a copy may set back.
     pub(crate) fn forget_builds(&self) -> std::io::Result<()> {
         for folder in [self.builds(false), self.builds(true)].map(|folder| folder.join("kani")) {
             // One folder per target; there is none before the first run.
@@ -68,7 +75,11 @@ impl Kani {
                 let builds = target?.path().join("debug/.fingerprint");
                 for build in std::fs::read_dir(builds).into_iter().flatten() {
                     let build = build?;
-                    if build.file_name().to_string_lossy().starts_with("gantry-tau-") {
+                    if build
+                        .file_name()
+                        .to_string_lossy()
+                        .starts_with("gantry-tau-")
+                    {
                         std::fs::remove_dir_all(build.path())?;
                     }
                 }
@@ -79,16 +90,28 @@ impl Kani {
 
     /// Version of the compiler in Kani, which Cargo keeps beside its builds.
     pub(crate) fn rustc(&self) -> Option<String> {
-        let kept = [self.builds(false), self.builds(true)].map(|builds| builds.join("kani/.rustc_info.json"));
-        let text = kept.iter().find_map(|path| std::fs::read_to_string(path).ok())?;
+        let kept = [self.builds(false), self.builds(true)]
+            .map(|builds| builds.join("kani/.rustc_info.json"));
+        let text = kept
+            .iter()
+            .find_map(|path| std::fs::read_to_string(path).ok())?;
         let info: serde_json::Value = serde_json::from_str(&text).ok()?;
         let mut outputs = info.get("outputs")?.as_object()?.values();
         outputs.find_map(|output| {
-            Some(output.get("stdout")?.as_str()?.strip_prefix("rustc ")?.split(' ').next()?.to_owned())
+            Some(
+                output
+                    .get("stdout")?
+                    .as_str()?
+                    .strip_prefix("rustc ")?
+                    .split(' ')
+                    .next()?
+                    .to_owned(),
+            )
         })
     }
 
-    /// Runs one job on a folder of proofs to its end, and reports its phase now and then. Returns the end and the log.
+    /// Runs one job on a folder of proofs to its end, and reports its phase now and then. Returns
+    /// the end and the log.
     pub(crate) fn run(
         &self,
         job: Job<'_>,
@@ -98,7 +121,11 @@ impl Kani {
     ) -> std::io::Result<(End, PathBuf)> {
         let log = self.logs.join(format!("{}.log", job.name()));
         let file = File::create(&log)?;
-        let mut child = self.command(job, proofs).stdout(file.try_clone()?).stderr(file).spawn()?;
+        let mut child = self
+            .command(job, proofs)
+            .stdout(file.try_clone()?)
+            .stderr(file)
+            .spawn()?;
         let (mut output, mut text) = (File::open(&log)?, Vec::new());
         let (mut phase, mut since) = (Phase::Building, Instant::now());
         loop {
@@ -120,7 +147,11 @@ impl Kani {
             if interrupted || since.elapsed() > allowed {
                 kill(&mut child)?;
                 let error = std::io::Error::other("interrupted; Kani and its solvers were ended");
-                return if interrupted { Err(error) } else { Ok((Err(phase), log)) };
+                return if interrupted {
+                    Err(error)
+                } else {
+                    Ok((Err(phase), log))
+                };
             }
             std::thread::sleep(POLL);
         }
@@ -130,7 +161,8 @@ impl Kani {
     fn command(&self, job: Job<'_>, proofs: &Path) -> Command {
         // Memory of each process is limited.
         let kib = u64::from(self.memory_gib).saturating_mul(1 << 20);
-        let script = format!("ulimit -v {kib} || echo 'no memory limit on this system'; exec \"$@\"");
+        let script =
+            format!("ulimit -v {kib} || echo 'no memory limit on this system'; exec \"$@\"");
         let mut command = Command::new("/bin/sh");
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);

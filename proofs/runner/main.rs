@@ -1,8 +1,8 @@
 //! Runs the proofs: `cargo run -p gantry-tau-proofs -- prove`.
 //!
-//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in `mutants.toml`. The runner
-//! first compares them with the sources, then gives Kani one row at a time, and fails whenever Kani finds anything but
-//! what the row expects.
+//! Every harness of `src/harness/` has a row in `manifest.toml`, every mutant of core one in
+//! `mutants.toml`. The runner first compares them with the sources, then gives Kani one row at a
+//! time, and fails whenever Kani finds anything but what the row expects.
 #![forbid(unsafe_code)]
 
 mod check;
@@ -11,10 +11,12 @@ mod flags;
 mod kani;
 mod manifest;
 mod mutate;
+mod page;
 mod prove;
 mod report;
 mod results;
 mod sources;
+mod tokens;
 mod verdict;
 
 use std::fmt::Display;
@@ -29,8 +31,8 @@ use crate::sources::Sources;
 
 /// The proofs of gantry-tau-core.
 ///
-/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved; 4 the files
-/// disagree; 5 the files agree, and `check --strict` misses results on this source.
+/// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved;
+/// 4 the files disagree; 5 the files agree, and `check --strict` misses results on this source.
 #[derive(Debug, Parser)]
 #[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
 struct Arguments {
@@ -45,10 +47,11 @@ struct Arguments {
 enum Command {
     /// Give every harness and every mutant to Kani, one at a time; begins with `check`
     Prove(Prove),
-    /// Compare manifest, harnesses, mutants, results and the table in proofs/README.md, and name the rows without a
-    /// result on this source (STALE); needs no Kani
+    /// Compare manifest, harnesses, mutants, results and the page proofs/RESULTS.md, and name the
+    /// rows without a result on this source (STALE); needs no Kani
     Check {
-        /// Also fail when a row has no result on this source, or a table says "proved" of its theorem: for a release
+        /// Also fail when a row has no result on this source, or a table says "proved" of its
+        /// theorem: for a release
         #[arg(long)]
         strict: bool,
         /// Also compile core with the mutants
@@ -57,7 +60,7 @@ enum Command {
     },
     /// Show theorems, harnesses, mutants and walls
     List,
-    /// Write the table of harnesses into proofs/README.md, and drop results of rows that the manifest does not have
+    /// Write the page proofs/RESULTS.md, and drop results of rows that the manifest does not have
     Table,
 }
 
@@ -66,7 +69,8 @@ struct Prove {
     /// `fast`: what ends within 30 s; `full`: that, and what takes up to 10 minutes
     #[arg(long, value_enum, default_value_t = Tier::Fast)]
     tier: Tier,
-    /// Folder for results.md and logs/ [default: target/kani]. Verdicts go to proofs/results.json, row by row
+    /// Folder for results.md and logs/ [default: target/kani]. Verdicts go to proofs/results.json,
+    /// row by row
     #[arg(long)]
     out: Option<PathBuf>,
     /// Memory one process of Kani may take (macOS does not enforce it)
@@ -81,7 +85,7 @@ struct Prove {
     /// Only rows without a result on this source
     #[arg(long)]
     stale: bool,
-    /// Only these harnesses and mutants, whatever their tier
+    /// Only these harnesses and mutants, of any tier
     names: Vec<String>,
 }
 
@@ -127,7 +131,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     let manifest = Manifest::load(&root)?;
     match arguments.command {
         Command::List => {
-            let cells = report::cells(&manifest, &Results::load(&root)?, &Sources::read(&root)?);
+            let cells = page::cells(&manifest, &Results::load(&root)?, &Sources::read(&root)?);
             report::list(&manifest, &cells);
         }
         Command::Check { strict, compile } => {
@@ -142,10 +146,11 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             let mut results = Results::load(&root)?;
             results.prune(&manifest);
             results.save(&root, read(&root.join("proofs/kani-version"))?.trim())?;
-            report::write_table(&root, &manifest, &results, &Sources::read(&root)?)?;
+            page::write(&root, &manifest, &results, &Sources::read(&root)?)?;
         }
         Command::Prove(options) => {
-            // A run that comes to no result must not look like an earlier one; most often there is none.
+            // A run that comes to no result must not look like an earlier one; most often there is
+            // none.
             let _ = std::fs::remove_file(options.out(&root).join("results.md"));
             files_agree(&root, &manifest)?;
             prove::prove(&root, &manifest, &options)?;
@@ -162,7 +167,7 @@ fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
         return Err(Failure(exit::FILES_DISAGREE, message));
     }
     println!(
-        "check: {} harnesses, {} mutants; manifest, sources and proofs/README.md agree",
+        "check: {} harnesses, {} mutants; manifest, sources and proofs/RESULTS.md agree",
         manifest.harnesses.len(),
         manifest.mutants.len()
     );
@@ -173,7 +178,9 @@ fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
 fn results_exist(root: &Path, manifest: &Manifest, strict: bool) -> Result<(), Failure> {
     let unproved = check::unproved(root, manifest)?;
     unproved.iter().for_each(|line| println!("{line}"));
-    check::untried(root, manifest)?.iter().for_each(|line| println!("{line}"));
+    check::untried(root, manifest)?
+        .iter()
+        .for_each(|line| println!("{line}"));
     if strict && !unproved.is_empty() {
         let message = "check --strict: not every row has a result on this source; `prove --stale --tier full`";
         return Err(Failure(exit::STALE, message.to_owned()));
@@ -191,8 +198,8 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(at(path))
 }
 
-/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a licence, in a copy) is
-/// left out.
+/// Every file below a folder, but for those of Cargo's `target`. A link that leads nowhere (a
+/// licence, in a copy) is left out.
 fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(at(folder))? {

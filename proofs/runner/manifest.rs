@@ -41,7 +41,8 @@ pub(crate) struct Row {
     pub(crate) property: String,
     pub(crate) domain: String,
     pub(crate) tier: Tier,
-    /// Texts of checks or covers that must hold, where no check begins with the name of one of the theorems.
+    /// Texts of checks or covers that must hold, where no check begins with the name of one of the
+    /// theorems.
     #[serde(default)]
     pub(crate) requires: Vec<String>,
     /// Texts of checks of its property that the domain does not reach.
@@ -122,7 +123,9 @@ impl Manifest {
 
     /// Rows that prove a part of a theorem.
     pub(crate) fn rows_of<'a>(&'a self, theorem: &'a Theorem) -> impl Iterator<Item = &'a Row> {
-        self.harnesses.iter().filter(|row| row.theorems.contains(&theorem.name))
+        self.harnesses
+            .iter()
+            .filter(|row| row.theorems.contains(&theorem.name))
     }
 
     /// Row of a harness.

@@ -9,11 +9,11 @@ use gantry_tau_proofs::harness::Harness;
 
 use crate::kani::{self, INTERRUPTED, Kani, Phase};
 use crate::manifest::{Manifest, Mutant, Row, Tier};
-use crate::report::{self, Outcome, Report};
+use crate::report::{Outcome, Report};
 use crate::results::{self, Entry, Results, Standing, Verdict};
 use crate::sources::Sources;
 use crate::verdict::Findings;
-use crate::{Failure, Prove, at, check, exit, flags, mutate, read};
+use crate::{Failure, Prove, at, check, exit, flags, mutate, page, read};
 
 /// One run of Kani: a harness, with or without a mutant.
 #[derive(Clone, Copy)]
@@ -41,29 +41,41 @@ impl Job<'_> {
 /// Every job. Harnesses first: a proof that fails explains why its mutants do.
 pub(crate) fn jobs(manifest: &Manifest) -> Vec<Job<'_>> {
     let proofs = manifest.harnesses.iter().map(|row| (Some(row), None));
-    let mutants = manifest.mutants.iter().map(|mutant| (manifest.row(&mutant.harness), Some(mutant)));
+    let mutants = manifest
+        .mutants
+        .iter()
+        .map(|mutant| (manifest.row(&mutant.harness), Some(mutant)));
     let jobs = proofs.chain(mutants).filter_map(|(row, mutant)| {
         let row = row?;
-        Some(Job { harness: check::harness(&row.name)?, row, mutant })
+        Some(Job {
+            harness: check::harness(&row.name)?,
+            row,
+            mutant,
+        })
     });
     jobs.collect()
 }
 
-/// Jobs of a tier, or the named ones, or of these the ones without a current result; an unknown name is an error.
+/// Jobs of a tier, or the named ones, or of these the ones without a current result; an unknown
+/// name is an error.
 fn choose<'a>(
     manifest: &'a Manifest,
     options: &Prove,
     current: impl Fn(Job<'_>) -> bool,
 ) -> Result<Vec<Job<'a>>, String> {
-    let (tier, names) = (options.tier, &options.names);
+    let names = options.names.as_slice();
     let mut jobs = jobs(manifest);
-    let unknown = |name: &&String| jobs.iter().all(|job| job.name() != name.as_str());
-    if let Some(name) = names.iter().find(unknown) {
-        return Err(format!("no harness or mutant is called {name}; `list` shows them"));
+    let mut unknown = names
+        .iter()
+        .filter(|name| jobs.iter().all(|job| job.name() != name.as_str()));
+    if let Some(name) = unknown.next() {
+        return Err(format!(
+            "no harness or mutant is called {name}; `list` shows them"
+        ));
     }
     jobs.retain(|job| !options.stale || !current(*job));
-    jobs.retain(|job| match names.as_slice() {
-        [] => job.tier() <= tier,
+    jobs.retain(|job| match names {
+        [] => job.tier() <= options.tier,
         names => names.iter().any(|name| job.name() == name),
     });
     Ok(jobs)
@@ -75,10 +87,13 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
     if !foreign.is_empty() {
         return Err(Failure(exit::USAGE, foreign.join("\n  ")));
     }
-    let (mut results, sources) = (Results::load(root)?, Sources::read(root)?);
+    let mut results = Results::load(root)?;
+    let sources = Sources::read(root)?;
     results.prune(manifest);
-    let current = |job: Job<'_>| matches!(results.standing(&sources, job), Standing::Current(_));
-    let jobs = choose(manifest, options, current).map_err(|message| Failure(exit::USAGE, message))?;
+    let jobs = choose(manifest, options, |job| {
+        matches!(results.standing(&sources, job), Standing::Current(_))
+    });
+    let jobs = jobs.map_err(|message| Failure(exit::USAGE, message))?;
     let pinned = read(&root.join("proofs/kani-version"))?;
     let pinned = pinned.trim();
     let version = kani::version().map_err(|reason| missing(pinned, &reason))?;
@@ -107,9 +122,14 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
         results.save(root, pinned)?;
         outcomes.push(outcome);
     }
-    report::write_table(root, manifest, &results, &Sources::read(root)?)?;
-    println!("results: {}, and the table in proofs/README.md", results::PATH);
-    let report = Report { kani: &version, tier: options.tier, outcomes, walls: &manifest.walls };
+    page::write(root, manifest, &results, &Sources::read(root)?)?;
+    println!("results: {} and {}", results::PATH, page::PATH);
+    let report = Report {
+        kani: &version,
+        tier: options.tier,
+        outcomes,
+        walls: &manifest.walls,
+    };
     report.write(&options.out(root))?;
     let summary = report.summary();
     // An empty run proves nothing, unless there is nothing left to prove.
@@ -142,24 +162,38 @@ fn run<'a>(
     let moves = std::io::stdout().is_terminal();
     show(title);
     let limit = seconds.unwrap_or(job.tier().seconds());
-    let (began, before) = (Instant::now(), Sources::read(root)?);
+    let began = Instant::now();
+    let before = Sources::read(root)?;
     let proofs = sources(root, kani, job.mutant)?;
     let (end, log) = kani
         .run(job, &proofs, Duration::from_secs_f64(limit), |phase| {
             if moves {
-                show(&format!("\r\x1b[K{title}{phase:?}, {} s", began.elapsed().as_secs()));
+                show(&format!(
+                    "\r\x1b[K{title}{phase:?}, {} s",
+                    began.elapsed().as_secs()
+                ));
             }
         })
         .map_err(|error| format!("{}: {error}", job.name()))?;
     let bytes = std::fs::read(&log).map_err(at(&log))?;
     let output = String::from_utf8_lossy(&bytes);
     let findings = Findings::read(&output);
-    let changed = (Sources::read(root)? != before).then(|| "the sources changed while it ran".to_owned());
+    let changed = (!Sources::read(root)?.agree(&before))
+        .then(|| "the sources changed while it ran".to_owned());
     let objection = changed.or_else(|| objection(job, end, &findings, limit));
     let entry = entry(job, &findings, objection.clone(), job.sources(&before));
     let rustc = kani.rustc().unwrap_or(entry.rustc);
-    let entry = Entry { kani: version.to_owned(), rustc, ..entry };
-    let outcome = Outcome { job, seconds: findings.seconds, objection, log };
+    let entry = Entry {
+        kani: version.to_owned(),
+        rustc,
+        ..entry
+    };
+    let outcome = Outcome {
+        job,
+        seconds: findings.seconds,
+        objection,
+        log,
+    };
     if moves {
         show(&format!("\r\x1b[K{title}"));
     }
@@ -167,10 +201,12 @@ fn run<'a>(
     Ok((outcome, entry))
 }
 
+/// Version that the output does not say.
+const UNKNOWN: &str = "unknown";
+
 /// Row of results.json for a run.
 fn entry(job: Job<'_>, findings: &Findings, objection: Option<String>, sources: String) -> Entry {
     let (checks, covers) = findings.counts();
-    let unknown = || "unknown".to_owned();
     Entry {
         name: job.name().to_owned(),
         verdict: match (&objection, job.mutant) {
@@ -179,14 +215,21 @@ fn entry(job: Job<'_>, findings: &Findings, objection: Option<String>, sources: 
             (None, Some(_)) => Verdict::Caught,
         },
         objection,
-        seconds: findings.seconds.map(|seconds| (seconds * 100.0).round() / 100.0),
+        seconds: findings
+            .seconds
+            .map(|seconds| (seconds * 100.0).round() / 100.0),
         checks,
         covers,
         states: findings.stated().into_iter().map(str::to_owned).collect(),
-        fell: findings.fell().into_iter().filter(|_| job.mutant.is_some()).map(str::to_owned).collect(),
-        kani: unknown(),
-        cbmc: findings.cbmc.map_or_else(unknown, str::to_owned),
-        rustc: unknown(),
+        fell: findings
+            .fell()
+            .into_iter()
+            .filter(|_| job.mutant.is_some())
+            .map(str::to_owned)
+            .collect(),
+        kani: UNKNOWN.to_owned(),
+        cbmc: findings.cbmc.unwrap_or(UNKNOWN).to_owned(),
+        rustc: UNKNOWN.to_owned(),
         sources,
     }
 }
@@ -200,7 +243,9 @@ fn show(text: &str) {
 
 /// Folder of the proofs to run: the sources, or for a mutant a copy with its fault.
 fn sources(root: &Path, kani: &Kani, mutant: Option<&Mutant>) -> Result<PathBuf, String> {
-    let Some(mutant) = mutant else { return Ok(root.join("proofs")) };
+    let Some(mutant) = mutant else {
+        return Ok(root.join("proofs"));
+    };
     let copy = kani.target.join("copy");
     mutate::copy(root, &copy)?;
     mutate::apply(&copy, mutant)?;
@@ -212,8 +257,8 @@ fn objection(job: Job<'_>, end: kani::End, findings: &Findings, limit: f64) -> O
     match end {
         Err(Phase::Solving) => Some(format!("timed out after {limit} s")),
         Err(Phase::Building) => Some("timed out while building".to_owned()),
-        Ok(status) => findings
-            .objection(job, limit)
-            .or_else(|| (status.success() == job.mutant.is_some()).then(|| format!("Kani ended with {status}"))),
+        Ok(status) => findings.objection(job, limit).or_else(|| {
+            (status.success() == job.mutant.is_some()).then(|| format!("Kani ended with {status}"))
+        }),
     }
 }

@@ -1,5 +1,5 @@
-//! `proofs/results.json`: the latest result of every harness and mutant, and the sources it is of. `prove` writes it,
-//! and nothing else.
+//! `proofs/results.json`: the latest result of every harness and mutant, and the sources it is of.
+//! `prove` writes it, and nothing else.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -76,9 +76,10 @@ impl Standing<'_> {
     pub(crate) fn complaint(&self, name: &str) -> Option<String> {
         match self {
             Self::Current(_) => None,
-            Self::Failed(entry) => {
-                Some(format!("STALE: {name} (failed: {})", entry.objection.as_deref().unwrap_or_default()))
-            }
+            Self::Failed(entry) => Some(format!(
+                "STALE: {name} (failed: {})",
+                entry.objection.as_deref().unwrap_or_default()
+            )),
             Self::Stale => Some(format!("STALE: {name} (ran on other sources)")),
             Self::NotRun => Some(format!("STALE: {name} (has not run)")),
         }
@@ -107,31 +108,47 @@ impl Results {
         }
         let written: Written = serde_json::from_str(&read(&path)?).map_err(at(&path))?;
         if written.format != FORMAT {
-            return Err(format!("{PATH}: format {}, this program writes {FORMAT}", written.format));
+            return Err(format!(
+                "{PATH}: format {}, this program writes {FORMAT}",
+                written.format
+            ));
         }
-        Ok(Self(written.rows.into_iter().map(|entry| (entry.name.clone(), entry)).collect()))
+        Ok(Self(
+            written
+                .rows
+                .into_iter()
+                .map(|entry| (entry.name.clone(), entry))
+                .collect(),
+        ))
     }
 
-    /// Replaces the result of one row. A result that says the same of the same sources leaves the file, and the
-    /// seconds, as they are.
+    /// Replaces the result of one row. A result that says the same of the same sources leaves the
+    /// file, and the seconds, as they are.
     pub(crate) fn merge(&mut self, entry: Entry) {
-        let same = |old: &Entry| Entry { seconds: old.seconds, ..entry.clone() } == *old;
-        if !self.0.get(&entry.name).is_some_and(same) {
+        let is_same = self.0.get(&entry.name).is_some_and(|old| {
+            Entry {
+                seconds: old.seconds,
+                ..entry.clone()
+            } == *old
+        });
+        if !is_same {
             self.0.insert(entry.name.clone(), entry);
         }
     }
 
     /// Forgets rows that the manifest has no more.
     pub(crate) fn prune(&mut self, manifest: &Manifest) {
-        self.0.retain(|name, _| prove::jobs(manifest).iter().any(|job| job.name() == name));
+        self.0
+            .retain(|name, _| prove::jobs(manifest).iter().any(|job| job.name() == name));
     }
 
     /// Writes the file: sorted by name, one row per line.
     pub(crate) fn save(&self, root: &Path, pinned: &str) -> Result<(), String> {
-        let quoted = |text: &str| serde_json::Value::from(text).to_string();
-        let (flags, pinned) = (quoted(&kani::FLAGS.join(" ")), quoted(pinned));
-        let mut text =
-            format!("{{\n\"format\": {FORMAT},\n\"flags\": {flags},\n\"kani_pinned\": {pinned},\n\"rows\": [");
+        let flags = serde_json::Value::from(kani::FLAGS.join(" "));
+        let pinned = serde_json::Value::from(pinned);
+        let mut text = format!(
+            "{{\n\"format\": {FORMAT},\n\"flags\": {flags},\n\"kani_pinned\": {pinned},\n\"rows\": ["
+        );
         for (index, entry) in self.0.values().enumerate() {
             let row = serde_json::to_string(entry).map_err(|error| error.to_string())?;
             // Writing to a String cannot fail.
@@ -149,12 +166,19 @@ impl Results {
     /// Results of rows that the manifest does not have.
     pub(crate) fn unknown(&self, manifest: &Manifest) -> Vec<&String> {
         let jobs = prove::jobs(manifest);
-        self.0.keys().filter(|name| jobs.iter().all(|job| job.name() != name.as_str())).collect()
+        self.0
+            .keys()
+            .filter(|name| jobs.iter().all(|job| job.name() != name.as_str()))
+            .collect()
     }
 
     /// Standing of a job on these sources.
     pub(crate) fn standing(&self, sources: &Sources, job: Job<'_>) -> Standing<'_> {
-        let expected = if job.mutant.is_some() { Verdict::Caught } else { Verdict::Verified };
+        let expected = if job.mutant.is_some() {
+            Verdict::Caught
+        } else {
+            Verdict::Verified
+        };
         match self.get(job.name()) {
             None => Standing::NotRun,
             Some(entry) if entry.sources != job.sources(sources) => Standing::Stale,

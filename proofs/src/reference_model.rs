@@ -1,20 +1,25 @@
-//! Reference model of the server, as small as possible: written from the rules in `docs/design.md` and the page `wire.md`, not from
-//! core's code.
+//! Reference model of the server, as small as possible: written from the rules in `docs/design.md`
+//! and the page `wire.md`, not from core's code.
 //!
-//! Plain numbers that cannot overflow, a list of deadlines, one function per rule. Only the types of input and output are core's,
-//! so that a whole [`Output`] can be compared.
+//! Plain numbers that cannot overflow, a list of deadlines, one function per rule. Only the types
+//! of input and output are core's, so that a whole [`Output`] can be compared.
 
 use std::iter::repeat_n;
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::message::{
-    AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase, Refusal, State,
+    AxisFlags, AxisLimits, AxisState, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
+    Refusal, State,
 };
 use gantry_tau_core::control::session::config::Parameters;
-use gantry_tau_core::control::session::{Connection, Event, Input, LastWrite, Output, Refusals, Start, TickInput};
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::session::{
+    Connection, Event, Input, LastWrite, Output, Refusals, Start, TickInput,
+};
+use gantry_tau_core::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
 
-use crate::axis;
+use crate::properties::axis;
 
 /// Largest distance of a fresh command's sequence ahead.
 const AHEAD: i128 = 65_536;
@@ -72,8 +77,13 @@ struct Accepted<const N: usize> {
     refusals: Refusals,
 }
 
-/// Causes that end a session besides stop and misses, in their precedence.
-const ENDS: [Cause; 4] = [Cause::Malformed, Cause::Flood, Cause::Closed, Cause::Goodbye];
+/// Causes that end a session, except stop and misses, in their precedence.
+const ENDS: [Cause; 4] = [
+    Cause::Malformed,
+    Cause::Flood,
+    Cause::Closed,
+    Cause::Goodbye,
+];
 
 /// Action of every channel.
 #[derive(Clone, Copy)]
@@ -86,7 +96,12 @@ enum ChannelAction<const N: usize> {
 impl<const N: usize> ReferenceModel<N> {
     /// Starts a server; `None` when an offset in force is beyond its limits.
     #[must_use]
-    pub fn new(parameters: Parameters<N>, start: &Start<N>, tick: Tick, last_epoch: Epoch) -> Option<Self> {
+    pub fn new(
+        parameters: Parameters<N>,
+        start: &Start<N>,
+        tick: Tick,
+        last_epoch: Epoch,
+    ) -> Option<Self> {
         let mut model = Self {
             parameters,
             phase: Phase::Listening,
@@ -109,8 +124,11 @@ impl<const N: usize> ReferenceModel<N> {
             channels: [[Point::default(); 3]; N],
             shadow: [[Point::default(); 3]; N],
         };
-        let at_rest = |axis: &InForce| axis.offsets == Offsets::ZERO;
-        if !start.in_force.iter().all(at_rest) && !model.resume(&start.in_force) {
+        let is_at_rest = start
+            .in_force
+            .iter()
+            .all(|axis| axis.offsets == Offsets::ZERO);
+        if !is_at_rest && !model.resume(&start.in_force) {
             return None;
         }
         if start.stop_latched {
@@ -120,12 +138,14 @@ impl<const N: usize> ReferenceModel<N> {
         Some(model)
     }
 
-    /// The drives have these values in force instead. False, and no change, if they are beyond their limits.
+    /// The drives have these values in force instead. False, and no change, if they are beyond
+    /// their limits.
     fn resume(&mut self, in_force: &[InForce; N]) -> bool {
         if !self.admits(&in_force.map(|axis| axis.offsets)) {
             return false;
         }
-        self.channels = in_force.map(|axis| axis::counts(&axis.offsets).map(|value| Point { value, change: 0 }));
+        self.channels = in_force
+            .map(|axis| axis::counts(&axis.offsets).map(|value| Point { value, change: 0 }));
         self.nominal = in_force.map(|axis| axis.nominal.0);
         self.off_path = true;
         self.interrupt();
@@ -170,7 +190,11 @@ impl<const N: usize> ReferenceModel<N> {
         let faulty = stepped.contains(&true);
         let before = self.phase;
         let (action, ended) = if stop || faulty || cycle.quit {
-            let cause = if stop || cycle.quit { Cause::Stop } else { Cause::Nominal };
+            let cause = if stop || cycle.quit {
+                Cause::Stop
+            } else {
+                Cause::Nominal
+            };
             let decision = self.fault(cause, cycle.rearm);
             self.latched |= stop || faulty;
             decision
@@ -186,13 +210,16 @@ impl<const N: usize> ReferenceModel<N> {
         if let Some(cause) = ended {
             self.cause = cause;
         }
-        let welcome = (before == Phase::Listening && self.phase == Phase::Handshake).then_some(self.owner).flatten();
+        let welcome = (before == Phase::Listening && self.phase == Phase::Handshake)
+            .then_some(self.owner)
+            .flatten();
         if let (None, Some(connection)) = (welcome, accepted.hello) {
             let faulted = Refusal::Faulted { ticks_left: 0 };
             assert!(accepted.refusals.push((connection, faulted)).is_ok());
         }
         let command = accepted.command.as_ref();
-        let axes: [_; N] = std::array::from_fn(|axis| self.act(axis, &action, command, stepped[axis]));
+        let axes: [_; N] =
+            std::array::from_fn(|axis| self.act(axis, &action, command, stepped[axis]));
         // Only core can make an output; every field of this one is the model's.
         let mut expected = output.clone();
         expected.references = axes.map(|(reference, _)| reference);
@@ -240,9 +267,13 @@ impl<const N: usize> ReferenceModel<N> {
                 add(&mut self.counters.received, 1);
                 match message {
                     ClientMessage::Command(command) => self.classify_command(command, accepted),
-                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => accepted.ends.push(Cause::Goodbye),
+                    ClientMessage::Goodbye(epoch) if epoch.0 == self.epoch => {
+                        accepted.ends.push(Cause::Goodbye)
+                    }
                     ClientMessage::Stop(epoch) if epoch.0 == self.epoch => accepted.stop = true,
-                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => add(&mut self.counters.stale, 1),
+                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
+                        add(&mut self.counters.stale, 1)
+                    }
                     ClientMessage::Hello(_) => add(&mut self.counters.malformed, 1),
                 }
             }
@@ -272,7 +303,10 @@ impl<const N: usize> ReferenceModel<N> {
             add(&mut self.counters.malformed, 1);
             return add(&mut self.counters.out_of_range, 1);
         }
-        match accepted.command.map(|best| best.sequence.cmp(&command.sequence)) {
+        match accepted
+            .command
+            .map(|best| best.sequence.cmp(&command.sequence))
+        {
             Some(std::cmp::Ordering::Equal) => add(&mut self.counters.duplicate, 1),
             Some(std::cmp::Ordering::Greater) => add(&mut self.counters.late, 1),
             Some(std::cmp::Ordering::Less) => {
@@ -293,13 +327,16 @@ impl<const N: usize> ReferenceModel<N> {
             Phase::Fault => Some(Refusal::Faulted { ticks_left }),
             Phase::Listening if asked => Some(Refusal::Busy),
             Phase::Listening if hello.axes != axes => Some(Refusal::Axes { expected: axes }),
-            Phase::Listening if hello.capabilities.0 & needed.0 != needed.0 => Some(Refusal::Capability { needed }),
+            Phase::Listening if hello.capabilities.0 & needed.0 != needed.0 => {
+                Some(Refusal::Capability { needed })
+            }
             Phase::Listening if next_epoch.is_none() => Some(Refusal::Unavailable),
             Phase::Listening => None,
         }
     }
 
-    /// Stopped, or the nominal reference stepped. The re-arm must be seen released in Fault, from its first tick on.
+    /// Stopped, or the nominal reference stepped. The re-arm must be seen released in Fault, from
+    /// its first tick on.
     fn fault(&mut self, cause: Cause, rearm: bool) -> Decision<N> {
         let entered = self.phase != Phase::Fault;
         if entered {
@@ -310,7 +347,13 @@ impl<const N: usize> ReferenceModel<N> {
     }
 
     /// Neither stop nor fault.
-    fn go_on(&mut self, accepted: &Accepted<N>, zero: bool, cycles: u64, input: &Input<N>) -> Decision<N> {
+    fn go_on(
+        &mut self,
+        accepted: &Accepted<N>,
+        zero: bool,
+        cycles: u64,
+        input: &Input<N>,
+    ) -> Decision<N> {
         let end = ENDS.into_iter().find(|cause| accepted.ends.contains(cause));
         if let (true, Some(cause)) = (self.phase_is_live(), end) {
             return self.disconnect(cause);
@@ -375,7 +418,10 @@ impl<const N: usize> ReferenceModel<N> {
         self.missed.push(missed);
         let consecutive = self.run.saturating_add(skipped);
         let longest = consecutive.saturating_add(u32::from(missed));
-        add(&mut self.counters.missed, skipped.saturating_add(u32::from(missed)));
+        add(
+            &mut self.counters.missed,
+            skipped.saturating_add(u32::from(missed)),
+        );
         let longest_run = &mut self.counters.longest_miss_run;
         *longest_run = (*longest_run).max(u16::try_from(longest).unwrap_or(u16::MAX));
         if consecutive >= 2 || (consecutive == 1 && missed) {
@@ -402,7 +448,9 @@ impl<const N: usize> ReferenceModel<N> {
                 self.phase = Phase::Obtain;
                 (ChannelAction::Follow(command.targets), None)
             }
-            (Mode::Submit, Phase::Obtain) if !zero => (ChannelAction::Follow([Offsets::ZERO; N]), None),
+            (Mode::Submit, Phase::Obtain) if !zero => {
+                (ChannelAction::Follow([Offsets::ZERO; N]), None)
+            }
             (Mode::Submit, _) => {
                 self.phase = Phase::Submit;
                 (ChannelAction::Hold, None)
@@ -429,7 +477,8 @@ impl<const N: usize> ReferenceModel<N> {
         self.latched = false;
     }
 
-    /// Takes the nominal references and measurements of the tick. Returns the axes whose nominal reference is beyond its limit.
+    /// Takes the nominal references and measurements of the tick. Returns the axes whose nominal
+    /// reference is beyond its limit.
     fn follow_path(&mut self, cycle: &TickInput<N>, cycles: u64) -> [bool; N] {
         let Some(reading) = &cycle.reading else {
             self.off_path = true;
@@ -448,7 +497,8 @@ impl<const N: usize> ReferenceModel<N> {
         stepped
     }
 
-    /// Applies the action to the channels of an axis; in Submit, the shadow does what the channel would.
+    /// Applies the action to the channels of an axis; in Submit, the shadow does what the channel
+    /// would.
     fn act(
         &mut self,
         axis: usize,
@@ -459,7 +509,9 @@ impl<const N: usize> ReferenceModel<N> {
         let config = &self.parameters.axes[axis];
         self.channels[axis] = apply(self.channels[axis], action, axis, &config.limits);
         let limited = if self.phase == Phase::Submit {
-            let action = command.map_or(ChannelAction::Hold, |command| ChannelAction::Follow(command.targets));
+            let action = command.map_or(ChannelAction::Hold, |command| {
+                ChannelAction::Follow(command.targets)
+            });
             self.shadow[axis] = apply(self.shadow[axis], &action, axis, &config.limits);
             behind(self.shadow[axis], &action, axis)
         } else {
@@ -472,7 +524,10 @@ impl<const N: usize> ReferenceModel<N> {
         let wanted = i128::from(nominal.0) + i128::from(offsets.position.0);
         let inside = wanted.clamp(travel.lower.0.into(), travel.upper.0.into());
         add(&mut self.counters.clamped, u32::from(inside != wanted));
-        add(&mut self.counters.limited, limited.map(u32::from).iter().sum());
+        add(
+            &mut self.counters.limited,
+            limited.map(u32::from).iter().sum(),
+        );
         let [position, velocity, torque] = limited;
         let flags = AxisFlags::default()
             .with(AxisFlags::TRAVEL, inside != wanted)
@@ -485,7 +540,16 @@ impl<const N: usize> ReferenceModel<N> {
             velocity_offset: offsets.velocity,
             torque_offset: offsets.torque,
         };
-        (reference, AxisState { nominal, offsets, shadow, actual: self.actual[axis], flags })
+        (
+            reference,
+            AxisState {
+                nominal,
+                offsets,
+                shadow,
+                actual: self.actual[axis],
+                flags,
+            },
+        )
     }
 
     fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
@@ -505,7 +569,12 @@ impl<const N: usize> ReferenceModel<N> {
 
     /// Number of missed deadlines among the latest.
     fn missed_of(&self, latest: u8) -> usize {
-        self.missed.iter().rev().take(latest.into()).filter(|missed| **missed).count()
+        self.missed
+            .iter()
+            .rev()
+            .take(latest.into())
+            .filter(|missed| **missed)
+            .count()
     }
 
     fn phase_is_live(&self) -> bool {
@@ -518,8 +587,12 @@ impl<const N: usize> ReferenceModel<N> {
 
     fn admits(&self, targets: &[Offsets; N]) -> bool {
         let axes = self.parameters.axes.iter().zip(targets);
-        axes.flat_map(|(axis, target)| axis::limit_values(&axis.limits).into_iter().zip(axis::counts(target)))
-            .all(|(limits, value)| value.abs() <= limits.max.into())
+        axes.flat_map(|(axis, target)| {
+            axis::limit_values(&axis.limits)
+                .into_iter()
+                .zip(axis::counts(target))
+        })
+        .all(|(limits, value)| value.abs() <= limits.max.into())
     }
 
     /// The longest ramp of all channels.
@@ -527,7 +600,12 @@ impl<const N: usize> ReferenceModel<N> {
         let axes = self.parameters.axes.iter().zip(&self.channels);
         let left = axes.flat_map(|(axis, points)| {
             let channels = axis::limit_values(&axis.limits).into_iter().zip(points);
-            channels.map(|(limits, point)| point.value.unsigned_abs().div_ceil(limits.ramp.unsigned_abs().into()))
+            channels.map(|(limits, point)| {
+                point
+                    .value
+                    .unsigned_abs()
+                    .div_ceil(limits.ramp.unsigned_abs().into())
+            })
         });
         u32::try_from(left.max().unwrap_or(0)).unwrap_or(u32::MAX)
     }
@@ -550,12 +628,15 @@ fn apply<const N: usize>(
 ) -> [Point; 3] {
     let limits = axis::limit_values(limits);
     std::array::from_fn(|kind| {
-        let (point, limits) = (points[kind], &limits[kind]);
+        let point = points[kind];
+        let limits = &limits[kind];
         let ramp = i64::from(limits.ramp);
         match action {
             // Holding a push would not hold the machine.
             ChannelAction::Hold if kind == 0 => moved(point, 0),
-            ChannelAction::Hold | ChannelAction::Ramp => moved(point, (-point.value).clamp(-ramp, ramp)),
+            ChannelAction::Hold | ChannelAction::Ramp => {
+                moved(point, (-point.value).clamp(-ramp, ramp))
+            }
             ChannelAction::Follow(targets) => {
                 let (step, accel) = (i64::from(limits.step), i64::from(limits.accel));
                 let wish = axis::counts(&targets[axis])[kind] - point.value;
@@ -568,7 +649,10 @@ fn apply<const N: usize>(
 }
 
 fn moved(point: Point, change: i64) -> Point {
-    Point { value: point.value + change, change }
+    Point {
+        value: point.value + change,
+        change,
+    }
 }
 
 /// Channels that follow and have not reached their target.

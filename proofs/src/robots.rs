@@ -20,7 +20,10 @@ pub fn l2(geometry: l2::Geometry) -> Option<(l2::Robot, l2::Kinematics)> {
 /// Geometry of `robots/f1.toml`, its travel unchecked.
 #[must_use]
 pub fn f1_geometry() -> f1::Geometry {
-    f1::Geometry { travel: None, ..presets::f1() }
+    f1::Geometry {
+        travel: None,
+        ..presets::f1()
+    }
 }
 
 /// The kinematics of an F1, if its geometry is valid.

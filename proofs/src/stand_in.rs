@@ -1,6 +1,8 @@
-//! Stand-ins for two functions that a solver cannot compare with themselves: an unknown function each, of which one number is chosen.
+//! Stand-ins for two functions that a solver cannot compare with themselves: an unknown function
+//! each, of which one number is chosen.
 //!
-//! They return a bit or a byte of their arguments, no matter which, so that two calls agree only if both see the same arguments.
+//! They return a bit or a byte of their arguments, no matter which, so that two calls agree only if
+//! both see the same arguments.
 
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
@@ -16,8 +18,8 @@ pub fn choose_bit(bit: u32) {
     BIT.store(bit, Ordering::Relaxed);
 }
 
-/// Comparison of a nominal reference with its limit, which is a product of two unknowns: an unknown bit of the arguments. One that stands still is
-/// within any limit.
+/// Comparison of a nominal reference with its limit, which is a product of two unknowns: an unknown
+/// bit of the arguments. One that stands still is within any limit.
 #[must_use]
 pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycles: u32) -> bool {
     let limit = i64::from(axis.nominal_step_nm).rotate_left(32);
@@ -34,7 +36,10 @@ pub fn choose_checksum(key: u32, place: usize) {
 /// CRC-32: an unknown function of the number of bytes and of an unknown one of them.
 #[must_use]
 pub fn checksum(bytes: &[u8]) -> u32 {
-    let byte = bytes.get(PLACE.load(Ordering::Relaxed)).copied().unwrap_or(0);
+    let byte = bytes
+        .get(PLACE.load(Ordering::Relaxed))
+        .copied()
+        .unwrap_or(0);
     let length = u16::try_from(bytes.len()).unwrap_or(u16::MAX);
     KEY.load(Ordering::Relaxed) ^ u32::from(byte) ^ (u32::from(length) << 8)
 }

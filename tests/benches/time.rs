@@ -1,5 +1,9 @@
 //! Wall time per call, reported and not judged: `cargo bench -p gantry-tau-tests --bench time`.
-#![allow(clippy::unwrap_used, clippy::arithmetic_side_effects, reason = "a measurement that cannot be made must stop")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::arithmetic_side_effects,
+    reason = "a measurement that cannot be made must stop"
+)]
 
 mod setup;
 
@@ -40,7 +44,9 @@ fn six_inverse(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn six_forward_warm(bencher: Bencher<'_, '_>) {
     let (kinematics, _, q, before) = setup::six();
-    bencher.bench_local(|| kinematics.forward_from(black_box(&q), black_box(&before), WARM_ITERATIONS));
+    bencher.bench_local(|| {
+        kinematics.forward_from(black_box(&q), black_box(&before), WARM_ITERATIONS)
+    });
 }
 
 #[divan::bench]

@@ -1,13 +1,15 @@
-//! A whole server around the core: bytes in, drive references and bytes out. Timer, sockets and drives are yours.
-//! README.md shows the part between the two lines `// README`.
+//! A whole server around the core: bytes in, drive references and bytes out. Timer, sockets and
+//! drives are yours. README.md shows the part between the two lines `// README`.
 use gantry_tau_core::{
-    Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters,
-    PositionNm, Reading, Reference, Session, Start, TickInput, Transport, Travel,
+    Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, LastWrite, LimitValues, Limits,
+    MotorMap, Parameters, PositionNm, Reading, Reference, Session, Start, TickInput, Transport,
+    Travel,
 };
 
 #[rustfmt::skip] // the README's part is compact
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // Offsets of at most 2 mm, 5 µm per tick, and 0.1 µm per tick on the way back to zero; all in nm.
+    // Offsets of at most 2 mm, 5 µm per tick, and 0.1 µm per tick on the way back to zero; all in
+    // nm.
     let limits = Limits::new(LimitValues {
         max: 2_000_000,
         step: 5_000,
@@ -39,7 +41,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// References are absent while the values in force at the drives are unknown: then nothing is written.
+/// References are absent while the values in force at the drives are unknown: then nothing is
+/// written.
 fn write_to_drives(references: Option<[Reference; 3]>) -> LastWrite<3> {
     println!("write {references:?}");
     LastWrite::Accepted

@@ -1,4 +1,5 @@
-//! The linker's scripts: vectors and sections (cortex-m-rt), the table of log messages (defmt), the memory of the board.
+//! The linker's scripts: vectors and sections (cortex-m-rt), the table of log messages (defmt), the
+//! memory of the board.
 use std::env;
 use std::fs;
 use std::path::PathBuf;

@@ -14,7 +14,7 @@ use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encod
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
 use socket2::{Domain, Socket, Type};
 
-pub use gantry_tau_proofs::wire::{crc_32 as crc32, sealed as enclose};
+pub use gantry_tau_proofs::properties::wire::{crc_32 as crc32, sealed as enclose};
 
 use crate::DEADLINE;
 
@@ -66,10 +66,18 @@ impl<const N: usize> Client<N> {
         socket.set_read_timeout(Some(DEADLINE)).unwrap();
         socket.set_write_timeout(Some(DEADLINE)).unwrap();
         let (deframer, unread) = (Deframer::new(), Vec::new());
-        Self { socket, transport, deframer, unread, epoch: Epoch(0), sequence: 0, tick: Tick(0) }
+        Self {
+            socket,
+            transport,
+            deframer,
+            unread,
+            epoch: Epoch(0),
+            sequence: 0,
+            tick: Tick(0),
+        }
     }
 
-    /// Sends bytes, whatever they are; over datagrams in one.
+    /// Sends any bytes; over datagrams in one.
     pub fn send_bytes(&mut self, bytes: &[u8]) {
         match self.transport {
             Transport::Stream => self.socket.write_all(bytes).unwrap(),
@@ -95,7 +103,10 @@ impl<const N: usize> Client<N> {
             sequence: Sequence(self.sequence),
             echo: self.tick,
             mode,
-            targets: positions.map(|nm| Offsets { position: OffsetNm(nm), ..Offsets::default() }),
+            targets: positions.map(|nm| Offsets {
+                position: OffsetNm(nm),
+                ..Offsets::default()
+            }),
         }
     }
 
@@ -105,7 +116,7 @@ impl<const N: usize> Client<N> {
         encode_client(&ClientMessage::Command(command)).to_vec()
     }
 
-    /// Whatever the server says next; `None` when it has closed the connection.
+    /// Returns the next message of the server; `None` when it has closed the connection.
     pub fn receive(&mut self) -> Option<ServerMessage<N>> {
         loop {
             match self.deframer.feed(&self.unread) {
@@ -125,7 +136,10 @@ impl<const N: usize> Client<N> {
             let mut chunk = [0; 4_096];
             match self.socket.read(&mut chunk) {
                 Ok(count) if self.transport == Transport::Datagram => {
-                    assert!(Frame::parse(&chunk[..count]).is_ok(), "a datagram is one frame");
+                    assert!(
+                        Frame::parse(&chunk[..count]).is_ok(),
+                        "a datagram is one frame"
+                    );
                     self.unread.extend(&chunk[..count]);
                 }
                 Ok(0) => {
@@ -174,7 +188,8 @@ impl<const N: usize> Client<N> {
         assert!(more.is_none(), "not closed: {more:?}");
     }
 
-    /// Nothing has come, and the connection is still open. Only what has arrived by now can be seen.
+    /// Nothing has come, and the connection is still open. Only what has arrived by now can be
+    /// seen.
     #[must_use]
     pub fn is_quiet(&mut self) -> bool {
         self.socket.set_nonblocking(true).unwrap();
@@ -203,7 +218,10 @@ impl<const N: usize> Client<N> {
 /// The Hello of a client of `N` axes.
 #[must_use]
 pub fn hello<const N: usize>() -> ClientMessage<N> {
-    ClientMessage::Hello(Hello { axes: N.try_into().unwrap(), capabilities: Capabilities::NONE })
+    ClientMessage::Hello(Hello {
+        axes: N.try_into().unwrap(),
+        capabilities: Capabilities::NONE,
+    })
 }
 
 /// Seeded bytes, the same on every machine (xorshift64*).

@@ -1,4 +1,5 @@
-//! What a client makes of the frames that answer its Hello: `data/client/cases.json`, which both clients are run against.
+//! What a client makes of the frames that answer its Hello: `data/client/cases.json`, which both
+//! clients are run against.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener};
@@ -44,7 +45,7 @@ impl<T> Named<T> {
 /// Frames that answer a Hello, and the exit code of the client that reads them.
 #[derive(Debug, Deserialize)]
 pub struct Case {
-    /// What is special.
+    /// Speciality of the case.
     pub name: String,
     frames: Vec<CaseFrame>,
     /// Exit code.
@@ -84,7 +85,10 @@ impl Cases {
     }
 
     fn bytes(&self, case: &Case) -> Vec<u8> {
-        case.frames.iter().flat_map(|frame| self.frame(frame)).collect()
+        case.frames
+            .iter()
+            .flat_map(|frame| self.frame(frame))
+            .collect()
     }
 
     fn frame(&self, frame: &CaseFrame) -> Vec<u8> {
@@ -98,14 +102,20 @@ impl Cases {
         let mut bytes = frame.magic.as_deref().map_or_else(|| b"GT".to_vec(), unhex);
         bytes.push(frame.version.unwrap_or(1));
         bytes.push(frame.kind.unwrap_or(*self.kinds.get(&frame.of)));
-        bytes.extend(frame.length.unwrap_or(u16::try_from(body.len()).unwrap()).to_le_bytes());
+        bytes.extend(
+            frame
+                .length
+                .unwrap_or(u16::try_from(body.len()).unwrap())
+                .to_le_bytes(),
+        );
         bytes.extend(body);
         let checksum = crc32(&bytes) ^ u32::from(frame.broken);
         bytes.extend(checksum.to_le_bytes());
         bytes
     }
 
-    /// A server that answers one Hello as a case says. Joined, it returns what the client sent then.
+    /// A server that answers one Hello as a case says. Joined, it returns what the client sent
+    /// then.
     #[must_use]
     pub fn serve(&self, case: &Case) -> (SocketAddr, JoinHandle<Vec<u8>>) {
         let listener = TcpListener::bind(LOOPBACK).unwrap();
@@ -122,7 +132,7 @@ impl Cases {
                 said.resize(COMMAND, 0);
                 stream.read_exact(&mut said).unwrap();
             }
-            // A client that refuses is not told that the server closes: it is the one to close.
+            // A client that refuses does not hear that the server closes: it is the one to close.
             if answers {
                 let _ = stream.shutdown(Shutdown::Write);
             }
@@ -137,21 +147,37 @@ impl Cases {
     /// # Panics
     /// Unless both are as the case says.
     pub fn check(case: &Case, exit_code: u8, sentence: &str, sent: &[u8]) {
-        let Case { name, exit_code: expected, .. } = case;
+        let Case {
+            name,
+            exit_code: expected,
+            ..
+        } = case;
         assert_eq!(exit_code, *expected, "{name}: {sentence}");
         assert_eq!(sentence.trim_end().lines().count(), 1, "{name}: {sentence}");
-        let commands = sent.windows(4).filter(|bytes| bytes == b"GT\x01\x03").count();
+        let commands = sent
+            .windows(4)
+            .filter(|bytes| bytes == b"GT\x01\x03")
+            .count();
         if exit_code == VANISHED {
             assert_eq!(commands, 1, "{name}: {sentence}");
         } else {
             // A client that refuses has answered no more than the States before.
-            let before = case.frames.split_last().map_or(&[][..], |(_, before)| before);
+            let before = case
+                .frames
+                .split_last()
+                .map_or(&[][..], |(_, before)| before);
             let states = before.iter().filter(|frame| frame.of == "state").count();
-            assert!(commands <= states, "{name}: {commands} Commands; {sentence}");
+            assert!(
+                commands <= states,
+                "{name}: {commands} Commands; {sentence}"
+            );
         }
     }
 }
 
 fn unhex(text: &str) -> Vec<u8> {
-    (0..text.len()).step_by(2).map(|place| u8::from_str_radix(&text[place..place + 2], 16).unwrap()).collect()
+    (0..text.len())
+        .step_by(2)
+        .map(|place| u8::from_str_radix(&text[place..place + 2], 16).unwrap())
+        .collect()
 }

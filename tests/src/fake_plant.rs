@@ -1,12 +1,12 @@
-//! A machine that moves where it is told and records every reference, tick by tick.
+//! A machine that moves to its references and records every reference, tick by tick.
 
 use std::net::TcpStream;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use gantry_tau::plant::{Plant, PlantError, Reading};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
+use gantry_tau_server::plant::{Plant, PlantError, Reading};
 
 /// State of the machine, and the references it was written.
 #[derive(Debug)]
@@ -37,7 +37,7 @@ pub struct Record<const N: usize> {
     pub dies: bool,
     /// A client's end of its connection, at which every `write` listens.
     pub ear: Option<TcpStream>,
-    /// Writes that came after the client had been told something.
+    /// Writes that came after the client had been sent something.
     pub late_writes: usize,
 }
 
@@ -45,17 +45,24 @@ impl<const N: usize> Record<N> {
     /// Nominal references and offsets in force.
     #[must_use]
     pub fn parts_in_force(&self) -> [InForce; N] {
-        std::array::from_fn(|axis| InForce { nominal: self.nominal_in_force[axis], offsets: self.in_force[axis] })
+        std::array::from_fn(|axis| InForce {
+            nominal: self.nominal_in_force[axis],
+            offsets: self.in_force[axis],
+        })
     }
 }
 
-/// A bus with the machine on it; a test keeps one end, the server has the other. It outlives the server, as drives do.
+/// A bus with the machine on it; a test keeps one end, the server has the other. It outlives the
+/// server, as drives do.
 #[derive(Clone, Debug)]
 pub struct Bus<const N: usize>(Arc<Mutex<Record<N>>>);
 
+fn home(axis: usize) -> PositionNm {
+    PositionNm(500_000_000 * (1 - 2 * i64::try_from(axis % 2).unwrap_or(0)))
+}
+
 impl<const N: usize> Default for Bus<N> {
     fn default() -> Self {
-        let home = |axis| PositionNm(500_000_000 * (1 - 2 * i64::try_from(axis % 2).unwrap_or(0)));
         Self(Arc::new(Mutex::new(Record {
             nominal: std::array::from_fn(home),
             nominal_in_force: std::array::from_fn(home),
@@ -107,8 +114,14 @@ impl<const N: usize> Bus<N> {
 }
 
 impl<const N: usize> Plant<N, N> for Bus<N> {
+    type Error = PlantError;
+
     fn start(&mut self) -> Result<(), PlantError> {
-        if self.record().start_fails { Err(failed("be enabled")) } else { Ok(()) }
+        if self.record().start_fails {
+            Err(failed("be enabled"))
+        } else {
+            Ok(())
+        }
     }
 
     fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
@@ -125,14 +138,26 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
         if record.read_fails {
             return Err(failed("be read"));
         }
-        let actual = record.nominal.map(|position| Actual { position, ..Actual::default() });
-        Ok(Reading { nominal: record.nominal, actual, tool: None })
+        let actual = record.nominal.map(|position| Actual {
+            position,
+            ..Actual::default()
+        });
+        Ok(Reading {
+            nominal: record.nominal,
+            actual,
+            tool: None,
+        })
     }
 
-    fn write(&mut self, references: &[Reference; N], parts: &[InForce; N]) -> Result<(), PlantError> {
+    fn write(
+        &mut self,
+        references: &[Reference; N],
+        parts: &[InForce; N],
+    ) -> Result<(), PlantError> {
         let mut record = self.record();
         if let Some(path) = record.latch.clone() {
-            record.latch_at_write = std::fs::read_to_string(path).expect("the stop latch can be read");
+            record.latch_at_write =
+                std::fs::read_to_string(path).expect("the stop latch can be read");
         }
         if record.dies {
             drop(record);
@@ -145,7 +170,8 @@ impl<const N: usize> Plant<N, N> for Bus<N> {
         let told = record.ear.as_ref().is_some_and(has_bytes);
         record.late_writes += usize::from(told);
         record.nominal_in_force = parts.map(|part| part.nominal);
-        record.in_force = std::array::from_fn(|axis| offsets(&references[axis], parts[axis].nominal));
+        record.in_force =
+            std::array::from_fn(|axis| offsets(&references[axis], parts[axis].nominal));
         record.written.push(*references);
         Ok(())
     }
@@ -170,5 +196,8 @@ fn offsets(reference: &Reference, nominal: PositionNm) -> Offsets {
 }
 
 const fn failed(operation: &'static str) -> PlantError {
-    PlantError { operation, reason: "the test says so" }
+    PlantError {
+        operation,
+        reason: "the test says so",
+    }
 }

@@ -1,4 +1,5 @@
-//! Helpers shared by the tests of this folder: a server stepped by hand over a real loopback socket; and what fuzz targets do.
+//! Helpers shared by the tests of this folder: a server stepped by hand over a real loopback
+//! socket; and what fuzz targets do.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -41,7 +42,7 @@ pub const DEADLINE: Duration = Duration::from_secs(20);
 pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     let since = Instant::now();
     while !done() {
-        assert!(since.elapsed() < DEADLINE, "waited in vain for {what}");
+        assert!(since.elapsed() < DEADLINE, "waited too long for {what}");
         std::thread::sleep(Duration::from_micros(20));
     }
 }

@@ -1,17 +1,11 @@
 //! The server's cycle, stepped by hand, listening on a real loopback socket.
 //!
-//! Every step of every test asserts what `docs/design.md` 6 promises for any traffic: see [`ServerFixture::step_with`] and `control::monitor`.
+//! Every step of every test asserts what `docs/design.md` 6 promises for any traffic: see
+//! [`ServerFixture::step_with`] and `control::monitor`.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
 
-use gantry_tau::black_box::swap_channel::{self, Receiver};
-use gantry_tau::plant::Plant;
-use gantry_tau::server::connections::Listen;
-use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::server::tick_source::TickSource;
-use gantry_tau::server::{Server, ServerError};
-use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
 use gantry_tau_core::control::message::{AxisLimits, Cause, Phase, Refusal};
@@ -20,6 +14,14 @@ use gantry_tau_core::control::session::{Input, Reading};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 use gantry_tau_core::verification::control::Internals;
 use gantry_tau_core::{InForce, Monitor, Offsets, TickInput};
+use gantry_tau_server::black_box::swap_channel::{self, Receiver};
+use gantry_tau_server::plant::Plant;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::connections::Listen;
+use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
+use gantry_tau_server::server::tick_source::TickSource;
+use gantry_tau_server::server::{Server, ServerError};
+use gantry_tau_server::state::StopLatch;
 
 use crate::client::Client;
 use crate::fake_plant::Bus;
@@ -39,7 +41,12 @@ pub const LOOPBACK: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::
 /// Limits from M, S, A and rho.
 #[must_use]
 pub fn limits<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    let values = LimitValues { max, step, accel, ramp };
+    let values = LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
+    };
     Limits::new(values).unwrap()
 }
 
@@ -57,13 +64,19 @@ pub fn parameters<const N: usize>() -> Parameters<N> {
         machine_travel: Travel::around_zero(1_010_000_000),
         ..AxisConfig::position_only(limits.position, travel, NOMINAL_STEP_NM)
     };
-    Parameters { kinematics_checksum: 0x1234_5678, ..Parameters::thesis([axis; N]) }
+    Parameters {
+        kinematics_checksum: 0x1234_5678,
+        ..Parameters::thesis([axis; N])
+    }
 }
 
 /// Input of a tick on time, in which nothing special happens.
 #[must_use]
 pub fn on_time<const N: usize>(nominal: [PositionNm; N]) -> TickInput<N> {
-    TickInput { reading: Some(Reading::unmeasured(nominal)), ..Input::empty(EpochRange::VOLATILE).tick }
+    TickInput {
+        reading: Some(Reading::unmeasured(nominal)),
+        ..Input::empty(EpochRange::VOLATILE).tick
+    }
 }
 
 /// A server of `N` axes with one motor each.
@@ -84,28 +97,55 @@ impl<const N: usize> ServerFixture<N> {
     /// Starts a server on `bus` and a free port.
     ///
     /// # Errors
-    /// Whatever [`Cycle::new`] says.
-    pub fn start(parameters: Parameters<N>, bus: Bus<N>, epochs: EpochRange) -> Result<Self, ServerError> {
-        Self::listen(parameters, bus, epochs, StopLatch::volatile(), LOOPBACK.into())
+    /// As [`Cycle::new`].
+    pub fn start(
+        parameters: Parameters<N>,
+        bus: Bus<N>,
+        epochs: EpochRange,
+    ) -> Result<Self, ServerError> {
+        Self::listen(
+            parameters,
+            bus,
+            epochs,
+            StopLatch::volatile(),
+            LOOPBACK.into(),
+        )
     }
 
     /// Starts a server that keeps its stop latch.
     #[must_use]
     pub fn with_latch(bus: Bus<N>, latch: StopLatch) -> Self {
-        Self::listen(parameters(), bus, EpochRange::VOLATILE, latch, LOOPBACK.into()).unwrap()
+        Self::listen(
+            parameters(),
+            bus,
+            EpochRange::VOLATILE,
+            latch,
+            LOOPBACK.into(),
+        )
+        .unwrap()
     }
 
     /// The same over UDP.
     #[must_use]
     pub fn over_datagrams() -> Self {
-        let listen = Listen { transport: Transport::Datagram, ..LOOPBACK.into() };
-        Self::listen(parameters(), Bus::default(), EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap()
+        let listen = Listen {
+            transport: Transport::Datagram,
+            ..LOOPBACK.into()
+        };
+        Self::listen(
+            parameters(),
+            Bus::default(),
+            EpochRange::VOLATILE,
+            StopLatch::volatile(),
+            listen,
+        )
+        .unwrap()
     }
 
     /// Starts a server wherever it shall listen.
     ///
     /// # Errors
-    /// Whatever [`Cycle::new`] says.
+    /// As [`Cycle::new`].
     pub fn listen(
         parameters: Parameters<N>,
         bus: Bus<N>,
@@ -118,7 +158,11 @@ impl<const N: usize> ServerFixture<N> {
         let cycle = Cycle::new(config, motors, bus.clone(), epochs, latch, listen)?;
         let limits = parameters.axes.map(|axis| axis.limits);
         let travel = parameters.axes.map(|axis| axis.machine_travel);
-        let mut fixture = Self { monitor: Monitor::new(limits, Some(travel)), bus, cycle };
+        let mut fixture = Self {
+            monitor: Monitor::new(limits, Some(travel)),
+            bus,
+            cycle,
+        };
         fixture.rebase();
         Ok(fixture)
     }
@@ -163,10 +207,13 @@ impl<const N: usize> ServerFixture<N> {
 
     /// Makes the monitor go on from the values in force at the drives.
     fn rebase(&mut self) {
-        assert_eq!(self.monitor.rebase(&self.bus.record().parts_in_force()), Ok(()));
+        assert_eq!(
+            self.monitor.rebase(&self.bus.record().parts_in_force()),
+            Ok(())
+        );
     }
 
-    /// True if the server may end, once told to.
+    /// True if the server may end, once asked to.
     #[must_use]
     pub fn may_end(&self, quit: bool) -> bool {
         self.cycle.may_end(quit)
@@ -219,7 +266,11 @@ impl<const N: usize> ServerFixture<N> {
     }
 
     /// Takes in what arrives and steps, tick by tick, until a tick is as wanted.
-    pub fn step_until(&mut self, what: &str, mut wanted: impl FnMut(&Row<N>) -> bool) -> Row<N> {
+    pub fn step_until(
+        &mut self,
+        what: &str,
+        mut wanted: impl FnMut(&TickRecord<N>) -> bool,
+    ) -> TickRecord<N> {
         let mut last = None;
         wait_for(what, || {
             self.receive();
@@ -231,7 +282,8 @@ impl<const N: usize> ServerFixture<N> {
         last.unwrap()
     }
 
-    /// A newcomer sends bytes; the server goes on until it has been told something, which must be a refusal.
+    /// A newcomer sends bytes; the server goes on until it has answered, which must be with a
+    /// refusal.
     pub fn refusal(&mut self, bytes: &[u8]) -> Refusal {
         let mut newcomer = Client::<N>::connect(self.address());
         newcomer.send_bytes(bytes);
@@ -243,32 +295,58 @@ impl<const N: usize> ServerFixture<N> {
     }
 
     /// One tick, on time.
-    pub fn step(&mut self) -> Row<N> {
-        self.step_with(1, Demands::default())
+    pub fn step(&mut self) -> TickRecord<N> {
+        self.step_with(1, OperatorInputs::default())
     }
 
     /// One tick with the stop at the machine asserted.
-    pub fn step_stopped(&mut self) -> Row<N> {
-        self.step_with(1, Demands { stop: true, ..Demands::default() })
+    pub fn step_stopped(&mut self) -> TickRecord<N> {
+        self.step_with(
+            1,
+            OperatorInputs {
+                stop: true,
+                ..OperatorInputs::default()
+            },
+        )
     }
 
-    /// One tick of a server that was told to end.
-    pub fn step_quitting(&mut self) -> Row<N> {
-        self.step_with(1, Demands { quit: true, ..Demands::default() })
+    /// One tick of a server that was asked to end.
+    pub fn step_quitting(&mut self) -> TickRecord<N> {
+        self.step_with(
+            1,
+            OperatorInputs {
+                quit: true,
+                ..OperatorInputs::default()
+            },
+        )
     }
 
     /// One tick in which somebody at the machine re-arms.
-    pub fn step_rearmed(&mut self) -> Row<N> {
-        self.step_with(1, Demands { rearm: true, ..Demands::default() })
+    pub fn step_rearmed(&mut self) -> TickRecord<N> {
+        self.step_with(
+            1,
+            OperatorInputs {
+                rearm: true,
+                ..OperatorInputs::default()
+            },
+        )
     }
 
-    /// One tick. Asserts, by what the machine was written, that the State says what the drives got, and what `control::monitor` does.
-    pub fn step_with(&mut self, elapsed: u32, demands: Demands) -> Row<N> {
+    /// One tick. Asserts, by what the machine was written, that the State says what the drives got,
+    /// and what `control::monitor` does.
+    pub fn step_with(&mut self, elapsed: u32, operator: OperatorInputs) -> TickRecord<N> {
         let writes = self.bus.writes();
-        let row = self.cycle.step(elapsed, demands);
+        let row = self.cycle.step(elapsed, operator);
         let told = row.state.axes.map(|axis| axis.offsets);
-        let parts = row.state.axes.map(|axis| InForce { nominal: axis.nominal, offsets: axis.offsets });
-        assert_eq!(self.bus.record().parts_in_force(), parts, "the State is not what is in force");
+        let parts = row.state.axes.map(|axis| InForce {
+            nominal: axis.nominal,
+            offsets: axis.offsets,
+        });
+        assert_eq!(
+            self.bus.record().parts_in_force(),
+            parts,
+            "the State is not what is in force"
+        );
         if row.plant_failed && self.bus.writes() == writes {
             assert!(self.bus.record().write_fails || self.bus.record().offsets_fail);
             // The drives hold what they have in force, and the next references go on from there.
@@ -285,8 +363,9 @@ impl<const N: usize> ServerFixture<N> {
         row
     }
 
-    /// Steps ticks without traffic: positions ramp from `from` to zero in `phase`, to the nanometre.
-    pub fn assert_ramp(&mut self, from: [i32; N], phase: Phase) -> Vec<Row<N>> {
+    /// Steps ticks without traffic: positions ramp from `from` to zero in `phase`, to the
+    /// nanometre.
+    pub fn assert_ramp(&mut self, from: [i32; N], phase: Phase) -> Vec<TickRecord<N>> {
         let ticks = from.map(|nm| nm.unsigned_abs().div_ceil(100));
         let ticks = ticks.into_iter().max().unwrap();
         (1..=ticks)
@@ -305,13 +384,19 @@ impl<const N: usize> ServerFixture<N> {
     pub fn assert_disconnect(&mut self, from: [i32; N], cause: Cause) {
         let rows = self.assert_ramp(from, Phase::SafeDisconnect);
         assert_eq!(rows[0].ended, Some(cause));
-        assert!(rows.iter().all(|row| row.state.cause == cause && !row.welcomed));
+        assert!(
+            rows.iter()
+                .all(|row| row.state.cause == cause && !row.welcomed)
+        );
         assert_eq!(self.step().state.phase, Phase::Listening);
     }
 }
 
 /// Waits until `count` bytes of the owner lie unread at the end of a server's cycle.
-pub fn await_bytes<const N: usize, const M: usize, P: Plant<N, M>>(cycle: &mut Cycle<N, M, P>, count: usize) {
+pub fn await_bytes<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: &mut Cycle<N, M, P>,
+    count: usize,
+) {
     let mut buffer = vec![0; count];
     wait_for("the owner's bytes", || {
         let stream = cycle.owner_stream().expect("the owner has no stream");

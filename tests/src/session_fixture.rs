@@ -1,10 +1,11 @@
-//! A server and the owner of its session, tick by tick. What the owner reads is always compared with what was done.
+//! A server and the owner of its session, tick by tick. What the owner reads is always compared
+//! with what was done.
 
-use gantry_tau::server::cycle::Row;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Command, Mode, Phase};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
+use gantry_tau_server::record::TickRecord;
 
 use crate::client::Client;
 use crate::server_fixture::{STEP_NM, ServerFixture};
@@ -67,7 +68,8 @@ impl<const N: usize> SessionFixture<N> {
         self
     }
 
-    /// The owner's bytes reach the server and are taken in; returns how many of its frames the coming tick has.
+    /// The owner's bytes reach the server and are taken in; returns how many of its frames the
+    /// coming tick has.
     pub fn deliver(&mut self, bytes: &[u8]) -> u8 {
         self.client.send_bytes(bytes);
         self.server.await_bytes(bytes.len());
@@ -79,41 +81,47 @@ impl<const N: usize> SessionFixture<N> {
         self.deliver(&encode_client(message))
     }
 
-    /// The owner's answer to the last State, in Obtain, arrives; returns how many of its frames the coming tick has.
+    /// The owner's answer to the last State, in Obtain, arrives; returns how many of its frames the
+    /// coming tick has.
     pub fn deliver_answer(&mut self, positions: [i32; N]) -> u8 {
         self.deliver_changed(positions, |_| {})
     }
 
     /// The same, after a change of the command.
-    pub fn deliver_changed(&mut self, positions: [i32; N], change: impl FnOnce(&mut Command<N>)) -> u8 {
+    pub fn deliver_changed(
+        &mut self,
+        positions: [i32; N],
+        change: impl FnOnce(&mut Command<N>),
+    ) -> u8 {
         let mut command = self.client.command(Mode::Obtain, positions);
         change(&mut command);
         self.say(&ClientMessage::Command(command))
     }
 
     /// One tick; the owner reads its State.
-    pub fn tick(&mut self) -> Row<N> {
+    pub fn tick(&mut self) -> TickRecord<N> {
         let row = self.server.step();
         assert_eq!(self.client.state(), row.state);
         row
     }
 
     /// The owner answers the last State; one tick.
-    pub fn answer(&mut self, mode: Mode, positions: [i32; N]) -> Row<N> {
+    pub fn answer(&mut self, mode: Mode, positions: [i32; N]) -> TickRecord<N> {
         let frame = self.client.frame(mode, positions);
         assert_eq!(self.deliver(&frame), 1);
         self.tick()
     }
 
     /// The owner asks for the same offsets on every axis; one tick.
-    pub fn answer_all(&mut self, mode: Mode, target: Offsets) -> Row<N> {
+    pub fn answer_all(&mut self, mode: Mode, target: Offsets) -> TickRecord<N> {
         let mut command = self.client.command(mode, [0; N]);
         command.targets = [target; N];
         assert_eq!(self.say(&ClientMessage::Command(command)), 1);
         self.tick()
     }
 
-    /// The coming ramp, of which the owner is told tick by tick; then its connection is closed and the server listens.
+    /// The coming ramp, which the owner hears of tick by tick; then its connection is closed and
+    /// the server listens.
     #[must_use]
     pub fn assert_disconnect(mut self, from: [i32; N], cause: Cause) -> ServerFixture<N> {
         let rows = self.server.assert_ramp(from, Phase::SafeDisconnect);
@@ -128,7 +136,7 @@ impl<const N: usize> SessionFixture<N> {
     }
 
     /// The miss that is forgiven: positions stay where they are.
-    pub fn assert_held(&mut self) -> Row<N> {
+    pub fn assert_held(&mut self) -> TickRecord<N> {
         let before = self.server.bus.positions();
         let row = self.tick();
         assert_eq!(row.state.phase, Phase::Obtain);
@@ -141,5 +149,9 @@ impl<const N: usize> SessionFixture<N> {
 /// Offsets of one axis.
 #[must_use]
 pub const fn offsets(position: i32, velocity: i32, torque: i16) -> Offsets {
-    Offsets { position: OffsetNm(position), velocity: VelocityUmS(velocity), torque: TorquePermille(torque) }
+    Offsets {
+        position: OffsetNm(position),
+        velocity: VelocityUmS(velocity),
+        torque: TorquePermille(torque),
+    }
 }

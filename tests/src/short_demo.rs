@@ -1,34 +1,35 @@
 //! The demo, as short as it still shows something: two force steps, in lock-step.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::path::Path;
 
-use gantry_tau::demo::{DemoOptions, PaceChoice, run_on};
-use gantry_tau::model::MachineKind;
-use gantry_tau::output::{Kind, Output};
-use gantry_tau::plant::Plant;
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::server::tick_source::TickSource;
-use gantry_tau::sim::load_generator::AppliedLoad;
+use gantry_tau::demo::{DemoOptions, Loops, PaceChoice, run_on};
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::plant::Plant;
+use gantry_tau_server::server::tick_source::TickSource;
+use gantry_tau_sim::load_generator::AppliedLoad;
+use gantry_tau_system::output::{Kind, Output};
 
-/// Runs the demo on the machine that `build` makes. Returns what is not as it should be.
+/// Runs the demo on the machine that `build` makes, with its report in a folder. Returns what is not
+/// as it should be.
 ///
 /// # Panics
 /// The demo does not run to its end.
 pub fn complaints<K, P, E, const N: usize, const M: usize>(
+    folder: &Path,
     robot: RobotFile<K, N>,
     build: impl Fn(&RobotFile<K, N>, AppliedLoad) -> Result<P, E>,
+    loops: Loops<N, M, P>,
 ) -> Vec<String>
 where
     K: MachineKind<N>,
     P: Plant<N, M> + 'static,
     E: std::error::Error,
 {
-    static RUNS: AtomicU32 = AtomicU32::new(0);
-    let run = RUNS.fetch_add(1, Ordering::Relaxed);
-    let report = std::env::temp_dir().join(format!("gantry-tau-short-demo-{}-{run}.html", std::process::id()));
+    let report = folder.join("demo.html");
     let options = DemoOptions {
+        client: robot.clone(),
         robot,
-        client: None,
         pace: PaceChoice::Only(TickSource::Lockstep),
         force_max_n: 120.0,
         force_step_n: 60.0,
@@ -38,7 +39,5 @@ where
         record: None,
         black_box: None,
     };
-    let results = run_on(&options, build);
-    std::fs::remove_file(&report).unwrap();
-    results.unwrap().complaints
+    run_on(&options, build, loops).unwrap().complaints
 }

@@ -18,12 +18,19 @@ pub struct Offsets {
 
 impl Offsets {
     /// All three at zero.
-    pub const ZERO: Self = Self { position: OffsetNm(0), velocity: VelocityUmS(0), torque: TorquePermille(0) };
+    pub const ZERO: Self = Self {
+        position: OffsetNm(0),
+        velocity: VelocityUmS(0),
+        torque: TorquePermille(0),
+    };
 
     /// A position offset; velocity and torque at zero.
     #[must_use]
     pub const fn position(position: OffsetNm) -> Self {
-        Self { position, ..Self::ZERO }
+        Self {
+            position,
+            ..Self::ZERO
+        }
     }
 }
 
@@ -43,7 +50,11 @@ pub struct Actual {
 
 impl Actual {
     /// All three at zero.
-    pub const ZERO: Self = Self { position: PositionNm(0), velocity: VelocityUmS(0), torque: TorquePermille(0) };
+    pub const ZERO: Self = Self {
+        position: PositionNm(0),
+        velocity: VelocityUmS(0),
+        torque: TorquePermille(0),
+    };
 }
 
 /// References that a drive receives, once per cycle.
@@ -62,8 +73,11 @@ pub struct Reference {
 
 impl Reference {
     /// Position zero, without velocity and torque.
-    pub(crate) const ZERO: Self =
-        Self { position: PositionNm(0), velocity_offset: VelocityUmS(0), torque_offset: TorquePermille(0) };
+    pub(crate) const ZERO: Self = Self {
+        position: PositionNm(0),
+        velocity_offset: VelocityUmS(0),
+        torque_offset: TorquePermille(0),
+    };
 }
 
 /// Values in force at the drive of one axis: those of the last references it took.
@@ -82,6 +96,9 @@ impl InForce {
     /// A nominal reference without offsets.
     #[must_use]
     pub const fn at(nominal: PositionNm) -> Self {
-        Self { nominal, offsets: Offsets::ZERO }
+        Self {
+            nominal,
+            offsets: Offsets::ZERO,
+        }
     }
 }

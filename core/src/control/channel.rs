@@ -1,9 +1,12 @@
-//! One bounded reference value: gate and ramp. Position, velocity and torque offset of every axis are instances of it.
+//! One bounded reference value: gate and ramp. Position, velocity and torque offset of every axis
+//! are instances of it.
 //!
-//! Integers only, one step per tick, three verbs: [`Channel::hold`], [`Channel::follow`], [`Channel::ramp`].
-//! Whatever the verb and whatever the target, with [`Limits`] `M`, `S`, `A`, `rho` and a valid channel:
+//! Integers only, one step per tick, three verbs: [`Channel::hold`], [`Channel::follow`],
+//! [`Channel::ramp`]. For every verb and every target, with [`Limits`] `M`, `S`, `A`, `rho` and a
+//! valid channel:
 //!
-//! - the value changes by at most `S` per tick (T1), the change by at most `A` (T2), the magnitude stays at most `M` (T3);
+//! - the value changes by at most `S` per tick (T1), the change by at most `A` (T2), the magnitude
+//!   stays at most `M` (T3);
 //! - `ramp` moves by exactly `min(rho, |value|)` towards zero and never past it (T5).
 
 use core::fmt;
@@ -12,7 +15,8 @@ use core::num::NonZeroU32;
 
 use crate::units::ChannelUnit;
 
-/// Limits of a channel as four numbers, not yet checked: in the channel's unit, per tick and per tick squared.
+/// Limits of a channel as four numbers, not yet checked: in the channel's unit, per tick and per
+/// tick squared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -44,7 +48,10 @@ pub struct LimitValues {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(try_from = "LimitValues", into = "LimitValues", bound = "U: Copy"))]
+#[cfg_attr(
+    feature = "serde",
+    serde(try_from = "LimitValues", into = "LimitValues", bound = "U: Copy")
+)]
 pub struct Limits<U> {
     max: u32,
     step: u32,
@@ -101,10 +108,15 @@ pub enum LimitsError {
 impl fmt::Display for LimitsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NegativeMax { max } => write!(f, "max is {max}; it must not be negative (0 disables the channel)"),
+            Self::NegativeMax { max } => write!(
+                f,
+                "max is {max}; it must not be negative (0 disables the channel)"
+            ),
             Self::RampNotPositive { ramp } => write!(f, "ramp is {ramp}; it must be positive"),
             Self::RampAboveStep { ramp, step } => write!(f, "ramp {ramp} is above step {step}"),
-            Self::AccelTooSmall { accel, needed } => write!(f, "accel is {accel}; step + ramp needs at least {needed}"),
+            Self::AccelTooSmall { accel, needed } => {
+                write!(f, "accel is {accel}; step + ramp needs at least {needed}")
+            }
         }
     }
 }
@@ -112,10 +124,19 @@ impl fmt::Display for LimitsError {
 impl core::error::Error for LimitsError {}
 
 impl LimitValues {
-    /// Checks the four values as [`Limits::new`] does, and returns `rho`. Not generic, so that the three units share its code.
-    #[expect(clippy::as_conversions, reason = "i32 to i64 is lossless; `From` is not const")]
+    /// Checks the four values as [`Limits::new`] does, and returns `rho`. Not generic, so that the
+    /// three units share its code.
+    #[expect(
+        clippy::as_conversions,
+        reason = "i32 to i64 is lossless; `From` is not const"
+    )]
     const fn check(self) -> Result<NonZeroU32, LimitsError> {
-        let Self { max, step, accel, ramp } = self;
+        let Self {
+            max,
+            step,
+            accel,
+            ramp,
+        } = self;
         if max < 0 {
             return Err(LimitsError::NegativeMax { max });
         }
@@ -138,7 +159,13 @@ impl LimitValues {
 
 impl<U> Limits<U> {
     /// The smallest limits there are: `M = 0`, so the channel stays at zero.
-    pub const DISABLED: Self = Self { max: 0, step: 1, accel: 2, ramp: NonZeroU32::MIN, unit: PhantomData };
+    pub const DISABLED: Self = Self {
+        max: 0,
+        step: 1,
+        accel: 2,
+        ramp: NonZeroU32::MIN,
+        unit: PhantomData,
+    };
 
     /// Checks the four values.
     ///
@@ -160,7 +187,12 @@ impl<U> Limits<U> {
     /// Returns the four values.
     #[must_use]
     pub fn values(&self) -> LimitValues {
-        LimitValues { max: self.max(), step: self.step(), accel: self.accel(), ramp: signed(self.ramp.get()) }
+        LimitValues {
+            max: self.max(),
+            step: self.step(),
+            accel: self.accel(),
+            ramp: signed(self.ramp.get()),
+        }
     }
 
     /// M: largest magnitude; 0 disables the channel.
@@ -205,7 +237,8 @@ const fn signed(limit: u32) -> i32 {
 
 #[cfg(kani)]
 impl<U> kani::Arbitrary for Limits<U> {
-    /// Any limits that validation accepts. Nothing is assumed: refused values become [`Limits::DISABLED`].
+    /// Any limits that validation accepts. Nothing is assumed: refused values become
+    /// [`Limits::DISABLED`].
     fn any() -> Self {
         Self::new(kani::any()).unwrap_or(Self::DISABLED)
     }
@@ -241,7 +274,11 @@ impl<U> Channel<U> {
     pub const ZERO: Self = Self::moved(0, 0);
 
     const fn moved(value: i32, change: i32) -> Self {
-        Self { value, change, unit: PhantomData }
+        Self {
+            value,
+            change,
+            unit: PhantomData,
+        }
     }
 
     /// Returns the last change of the value.
@@ -280,7 +317,11 @@ impl<U> Channel<U> {
     /// Changes the value by at most the way to another one within `M`: nothing wraps.
     #[inline]
     const fn step(&self, step: u32, upwards: bool) -> Self {
-        let change = if upwards { 0_i32.wrapping_add_unsigned(step) } else { 0_i32.wrapping_sub_unsigned(step) };
+        let change = if upwards {
+            0_i32.wrapping_add_unsigned(step)
+        } else {
+            0_i32.wrapping_sub_unsigned(step)
+        };
         Self::moved(self.value.wrapping_add(change), change)
     }
 
@@ -319,7 +360,8 @@ impl<U: ChannelUnit> Channel<U> {
     #[inline]
     #[must_use]
     pub fn value(&self) -> U {
-        // A valid torque channel lies within the i16 range, which the configuration checks: nothing is cut.
+        // A valid torque channel lies within the i16 range, which the configuration checks: nothing
+        // is cut.
         U::saturating_from(self.value)
     }
 
@@ -332,15 +374,22 @@ impl<U: ChannelUnit> Channel<U> {
             // A valid value is within `M`.
             return self.hold();
         }
-        // Not `clamp`, which panics on reversed ends: `M >= 0` holds, but the compiler cannot see it.
+        // Not `clamp`, which panics on reversed ends: `M >= 0` holds, but the compiler cannot see
+        // it.
         let max = limits.max();
         let target = target.max(max.wrapping_neg()).min(max);
         let within_step = target.abs_diff(self.value).min(limits.step);
         // |change| <= S < A, so the change that `A` allows towards the target is positive, and below 2^32.
         if target > self.value {
-            self.step(within_step.min(limits.accel.wrapping_add_signed(self.change)), true)
+            self.step(
+                within_step.min(limits.accel.wrapping_add_signed(self.change)),
+                true,
+            )
         } else {
-            self.step(within_step.min(limits.accel.wrapping_add_signed(self.change.wrapping_neg())), false)
+            self.step(
+                within_step.min(limits.accel.wrapping_add_signed(self.change.wrapping_neg())),
+                false,
+            )
         }
     }
 }
@@ -356,20 +405,42 @@ mod tests {
         fixture::limits(2_000_000, 5_000, 10_000, 100)
     }
 
-    fn checked(max: i32, step: i32, accel: i32, ramp: i32) -> Result<Limits<OffsetNm>, LimitsError> {
-        Limits::new(LimitValues { max, step, accel, ramp })
+    fn checked(
+        max: i32,
+        step: i32,
+        accel: i32,
+        ramp: i32,
+    ) -> Result<Limits<OffsetNm>, LimitsError> {
+        Limits::new(LimitValues {
+            max,
+            step,
+            accel,
+            ramp,
+        })
     }
 
     #[test]
     fn limits_name_what_is_wrong() {
-        assert_eq!(checked(-1, 2, 4, 1), Err(LimitsError::NegativeMax { max: -1 }));
+        assert_eq!(
+            checked(-1, 2, 4, 1),
+            Err(LimitsError::NegativeMax { max: -1 })
+        );
         for ramp in [0, -1, i32::MIN] {
-            assert_eq!(checked(1, 2, 4, ramp), Err(LimitsError::RampNotPositive { ramp }));
+            assert_eq!(
+                checked(1, 2, 4, ramp),
+                Err(LimitsError::RampNotPositive { ramp })
+            );
         }
-        assert_eq!(checked(1, 2, 9, 3), Err(LimitsError::RampAboveStep { ramp: 3, step: 2 }));
+        assert_eq!(
+            checked(1, 2, 9, 3),
+            Err(LimitsError::RampAboveStep { ramp: 3, step: 2 })
+        );
         assert_eq!(
             checked(1, i32::MAX, i32::MAX, 1),
-            Err(LimitsError::AccelTooSmall { accel: i32::MAX, needed: i64::from(i32::MAX) + 1 })
+            Err(LimitsError::AccelTooSmall {
+                accel: i32::MAX,
+                needed: i64::from(i32::MAX) + 1
+            })
         );
     }
 
@@ -404,7 +475,10 @@ mod tests {
     #[test]
     fn a_zero_limit_means_zero() {
         let zero = fixture::limits(0, 5, 10, 1);
-        assert_eq!(Channel::ZERO.follow(OffsetNm(i32::MAX), &zero), Channel::ZERO);
+        assert_eq!(
+            Channel::ZERO.follow(OffsetNm(i32::MAX), &zero),
+            Channel::ZERO
+        );
         assert!(!zero.admits(OffsetNm(1)));
     }
 }

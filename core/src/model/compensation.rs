@@ -1,14 +1,17 @@
 //! Configuration and output of the compensators `[T 5.2.3]`.
 //!
-//! A load moves the tool by `dT_links` through the links, and each cart by `r = c tau`. Both are taken off the reference:
-//! `q_cmd = IK(T - dT_links) - r`. The thesis says "adding": with the load counted as applied *by the environment to the
-//! platform*, the displacement has the load's direction, and its negative cancels it. The wrong sign doubles the error.
+//! A load moves the tool by `dT_links` through the links, and each cart by `r = c tau`. Both are
+//! taken off the reference: `q_cmd = IK(T - dT_links) - r`. The thesis says "adding": with the load
+//! counted as applied *by the environment to the platform*, the displacement has the load's
+//! direction, and its negative cancels it. The wrong sign doubles the error.
 //!
-//! Measured load fed back through an estimated compliance is positive feedback against a stiff workpiece: stable while the
-//! estimate stays below the machine's compliance plus the workpiece's. Hence a gain of at most 1, and limits.
+//! Measured load fed back through an estimated compliance is positive feedback against a stiff
+//! workpiece: stable while the estimate stays below the machine's compliance plus the workpiece's.
+//! Hence a gain of at most 1, and limits.
 //!
-//! [`l2::Compensator`](super::l2::Compensator) and [`f1::Compensator`](super::f1::Compensator) have two maps each, to first order
-//! (`correct`), which is cheap, and exact (`correct_exact_at`). Both maps end in the same bounded step. Instructions per cycle are counted in
+//! [`l2::Compensator`](super::l2::Compensator) and [`f1::Compensator`](super::f1::Compensator) have
+//! two maps each, to first order (`correct`), which is cheap, and exact (`correct_exact_at`). Both
+//! maps end in the same bounded step. Instructions per cycle are counted in
 //! `tests/benches/instructions/counts.toml`.
 
 use core::fmt;
@@ -57,14 +60,19 @@ impl<const N: usize> CompensatorConfig<N> {
         q
     }
 
-    /// Returns the offsets from `q` to `command` (q-units), within the limits: the last step of every correction.
+    /// Returns the offsets from `q` to `command` (q-units), within the limits: the last step of
+    /// every correction.
     ///
     /// Any numbers, and any configuration, lead to offsets within the limits or to an error.
     ///
     /// # Errors
     /// [`KinematicsError::NotFinite`] when an offset is NaN. Infinities are cut.
     #[inline]
-    pub(crate) fn bounded(&self, q: &[f64; N], command: &[f64; N]) -> Result<Correction<N>, KinematicsError> {
+    pub(crate) fn bounded(
+        &self,
+        q: &[f64; N],
+        command: &[f64; N],
+    ) -> Result<Correction<N>, KinematicsError> {
         let mut offsets = [OffsetNm(0); N];
         let mut saturated = [false; N];
         for index in 0..N {
@@ -86,11 +94,16 @@ impl<const N: usize> CompensatorConfig<N> {
         Ok(Correction { offsets, saturated })
     }
 
-    /// As [`bounded`](Self::bounded), for a map without gain: the share `gain` of the way from `q` to `exact`.
+    /// As [`bounded`](Self::bounded), for a map without gain: the share `gain` of the way from `q`
+    /// to `exact`.
     ///
     /// # Errors
     /// As [`bounded`](Self::bounded).
-    pub(super) fn bounded_share(&self, q: &[f64; N], exact: &[f64; N]) -> Result<Correction<N>, KinematicsError> {
+    pub(super) fn bounded_share(
+        &self,
+        q: &[f64; N],
+        exact: &[f64; N],
+    ) -> Result<Correction<N>, KinematicsError> {
         let mut command = *q;
         for (command, exact) in command.iter_mut().zip(exact) {
             *command += self.gain * (exact - *command);
@@ -124,7 +137,10 @@ impl fmt::Display for CompensatorError {
             Self::Limit { axis } => write!(f, "limits[{axis}] must not be negative"),
             Self::MetresPerQ { axis } => {
                 let (lower, upper) = SCALE_RANGE;
-                write!(f, "metres_per_q[{axis}] must be from {lower:e} to {upper:e}")
+                write!(
+                    f,
+                    "metres_per_q[{axis}] must be from {lower:e} to {upper:e}"
+                )
             }
         }
     }
@@ -145,5 +161,8 @@ pub struct Correction<const N: usize> {
 
 impl<const N: usize> Correction<N> {
     /// Zero offsets.
-    pub const ZERO: Self = Self { offsets: [OffsetNm(0); N], saturated: [false; N] };
+    pub const ZERO: Self = Self {
+        offsets: [OffsetNm(0); N],
+        saturated: [false; N],
+    };
 }

@@ -1,11 +1,13 @@
 //! The maths seam, and rotations.
 //!
-//! Every root and every trigonometric function of core goes through this module: that is what makes a replay on a target
-//! bit-equal to the host, and it is the one place where a prover may substitute a contract.
+//! Every root and every trigonometric function of core goes through this module: that is what makes
+//! a replay on a target bit-equal to the host, and it is the one place where a prover may
+//! substitute a contract.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Longest rotation vector [`rotation_from_vector`] accepts, in radians; a longer one has lost its angle to rounding.
+/// Longest rotation vector [`rotation_from_vector`] accepts, in radians; a longer one has lost its
+/// angle to rounding.
 pub const MAX_ROTATION_RAD: f64 = 1e6;
 
 /// Square of the angle below which the Taylor series of the rotation is exact to the last bit.
@@ -50,19 +52,26 @@ pub fn norm(v: &Vector3<f64>) -> f64 {
     sqrt(v.dot(v))
 }
 
-/// The larger of two; NaN where one is, which `f64::max` would drop: a residual that is not known is not small.
+/// The larger of two; NaN where one is, which `f64::max` would drop: a residual that is not known
+/// is not small.
 #[inline]
 pub(crate) fn max_propagating_nan(one: f64, other: f64) -> f64 {
-    if one > other || one.is_nan() { one } else { other }
+    if one > other || one.is_nan() {
+        one
+    } else {
+        other
+    }
 }
 
-/// True if every number is finite: zero times one is zero, and times any other NaN. Adding up costs less than looking at each.
+/// True if every number is finite: zero times one is zero, and times any other NaN. Adding up costs
+/// less than looking at each.
 #[inline]
 pub(crate) fn are_finite(values: &[f64]) -> bool {
     values.iter().fold(0.0, |sum, value| sum + value * 0.0) == 0.0
 }
 
-/// The vector's direction; `None` when it has none (zero, not finite, or too small or large to square).
+/// The vector's direction; `None` when it has none (zero, not finite, or too small or large to
+/// square).
 #[inline]
 #[must_use]
 pub fn unit(v: &Vector3<f64>) -> Option<Vector3<f64>> {
@@ -78,8 +87,8 @@ pub fn cross_matrix(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }
 
-/// `A v`, equal to nalgebra's product to the bit (NaN payloads apart). That product checks bounds, and an image optimised for size
-/// keeps the check and its panic.
+/// `A v`, equal to nalgebra's product to the bit (NaN payloads apart). That product checks bounds,
+/// and an image optimised for size keeps the check and its panic.
 #[inline]
 pub(crate) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(
@@ -96,7 +105,8 @@ pub(crate) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from(columns.map(|column| times(a, &Vector3::from(column)).into()))
 }
 
-/// Rotation about the direction of `vector` by its length in radians (Rodrigues' formula, the exponential of `vector x`).
+/// Rotation about the direction of `vector` by its length in radians (Rodrigues' formula, the
+/// exponential of `vector x`).
 ///
 /// `None` when the vector is not finite or longer than [`MAX_ROTATION_RAD`].
 #[must_use]
@@ -109,7 +119,10 @@ pub fn rotation_from_vector(vector: &Vector3<f64>) -> Option<Matrix3<f64>> {
     }
     // sin(t) / t and (1 - cos(t)) / t^2; the latter over the half angle, which does not cancel.
     let (sine, cosine) = if squared < SMALL_ANGLE_SQUARED {
-        (1.0 - squared / 6.0 * (1.0 - squared / 20.0), 0.5 - squared / 24.0 * (1.0 - squared / 30.0))
+        (
+            1.0 - squared / 6.0 * (1.0 - squared / 20.0),
+            0.5 - squared / 24.0 * (1.0 - squared / 30.0),
+        )
     } else {
         let angle = sqrt(squared);
         let half = sin(0.5 * angle);
@@ -117,8 +130,16 @@ pub fn rotation_from_vector(vector: &Vector3<f64>) -> Option<Matrix3<f64>> {
     };
     // K = vector x, and K^2 = vector vector^T - squared I, which is symmetric.
     let (k, scaled) = (vector * sine, vector * cosine);
-    let (xy, yz, zx) = (vector.x * scaled.y, vector.y * scaled.z, vector.z * scaled.x);
-    let (xx, yy, zz) = (vector.x * scaled.x, vector.y * scaled.y, vector.z * scaled.z);
+    let (xy, yz, zx) = (
+        vector.x * scaled.y,
+        vector.y * scaled.z,
+        vector.z * scaled.x,
+    );
+    let (xx, yy, zz) = (
+        vector.x * scaled.x,
+        vector.y * scaled.y,
+        vector.z * scaled.z,
+    );
     Some(Matrix3::new(
         1.0 - (yy + zz),
         xy - k.z,
@@ -137,11 +158,20 @@ pub fn rotation_from_vector(vector: &Vector3<f64>) -> Option<Matrix3<f64>> {
 pub fn rotation_deviation(rotation: &Matrix3<f64>) -> f64 {
     let [x, y, z] = <[[f64; 3]; 3]>::from(*rotation).map(Vector3::from);
     // R^T R is symmetric: six entries are all.
-    let deviations = [x.dot(&x) - 1.0, y.dot(&y) - 1.0, z.dot(&z) - 1.0, x.dot(&y), y.dot(&z), z.dot(&x)];
+    let deviations = [
+        x.dot(&x) - 1.0,
+        y.dot(&y) - 1.0,
+        z.dot(&z) - 1.0,
+        x.dot(&y),
+        y.dot(&z),
+        z.dot(&x),
+    ];
     if !are_finite(&deviations) || x.cross(&y).dot(&z) <= 0.0 {
         return f64::INFINITY;
     }
-    deviations.iter().fold(0.0, |most, deviation| most.max(deviation.abs()))
+    deviations
+        .iter()
+        .fold(0.0, |most, deviation| most.max(deviation.abs()))
 }
 
 /// Any numbers.
@@ -159,7 +189,8 @@ pub(crate) fn any_three() -> [Vector3<f64>; 3] {
 /// Six vectors of any numbers.
 #[cfg(kani)]
 pub(crate) fn any_six() -> [Vector3<f64>; 6] {
-    let ([a, b, c], [d, e, f]) = (any_three(), any_three());
+    let [a, b, c] = any_three();
+    let [d, e, f] = any_three();
     [a, b, c, d, e, f]
 }
 
@@ -173,6 +204,11 @@ mod tests {
         prop_oneof![6 => -1e3..1e3_f64, 1 => prop::num::f64::ANY, 1 => Just(0.0), 1 => Just(-0.0)]
     }
 
+    /// Bits of a number; `None` for NaN, whose payload is not specified.
+    fn bits(x: f64) -> Option<u64> {
+        (!x.is_nan()).then(|| x.to_bits())
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
         #[test]
@@ -181,8 +217,6 @@ mod tests {
             b in prop::array::uniform9(entry()),
         ) {
             let (a, b) = (Matrix3::from_row_slice(&a), Matrix3::from_row_slice(&b));
-            // The payload of a NaN is not specified.
-            let bits = |x: f64| if x.is_nan() { None } else { Some(x.to_bits()) };
             prop_assert_eq!(product(&a, &b).map(bits), (a * b).map(bits));
             prop_assert_eq!(product(&a.transpose(), &b).map(bits), a.tr_mul(&b).map(bits));
             let v = b.column(1).into_owned();
@@ -202,8 +236,14 @@ mod tests {
 
     #[test]
     fn the_maximum_keeps_nan() {
-        assert_eq!((max_propagating_nan(1.0, 2.0), max_propagating_nan(2.0, 1.0)), (2.0, 2.0));
-        assert!(max_propagating_nan(f64::NAN, 1.0).is_nan() && max_propagating_nan(1.0, f64::NAN).is_nan());
+        assert_eq!(
+            (max_propagating_nan(1.0, 2.0), max_propagating_nan(2.0, 1.0)),
+            (2.0, 2.0)
+        );
+        assert!(
+            max_propagating_nan(f64::NAN, 1.0).is_nan()
+                && max_propagating_nan(1.0, f64::NAN).is_nan()
+        );
     }
 
     #[test]
@@ -212,9 +252,15 @@ mod tests {
         assert_eq!(unit(&Vector3::new(f64::NAN, 0.0, 0.0)), None);
         assert_eq!(unit(&Vector3::new(f64::INFINITY, 0.0, 0.0)), None);
         assert_eq!(unit(&Vector3::new(0.0, -2.0, 0.0)), Some(-Vector3::y()));
-        assert_eq!(rotation_from_vector(&Vector3::new(f64::NAN, 0.0, 0.0)), None);
+        assert_eq!(
+            rotation_from_vector(&Vector3::new(f64::NAN, 0.0, 0.0)),
+            None
+        );
         assert_eq!(rotation_from_vector(&Vector3::new(1e7, 0.0, 0.0)), None);
-        assert_eq!(rotation_from_vector(&Vector3::zeros()), Some(Matrix3::identity()));
+        assert_eq!(
+            rotation_from_vector(&Vector3::zeros()),
+            Some(Matrix3::identity())
+        );
         assert!(rotation_deviation(&-Matrix3::<f64>::identity()).is_infinite());
     }
 }

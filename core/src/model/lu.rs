@@ -1,4 +1,5 @@
-//! Linear solves of any small system: Gauss with row and column equilibration and partial pivoting, written without a panic path.
+//! Linear solves of any small system: Gauss with row and column equilibration and partial pivoting,
+//! written without a panic path.
 
 use core::mem;
 
@@ -15,10 +16,12 @@ struct Row<const N: usize> {
     values: [f64; N],
 }
 
-/// Triangular factors of a square matrix: factored once, solved many times, as it stands and transposed.
+/// Triangular factors of a square matrix: factored once, solved many times, as it stands and
+/// transposed.
 ///
-/// Columns, then rows, are scaled to a largest entry of 1 first, so that the measure of singularity does not depend on the units
-/// of the columns (metres and radians). It may depend on those of the rows, which are all in metres here.
+/// Columns, then rows, are scaled to a largest entry of 1 first, so that the measure of singularity
+/// does not depend on the units of the columns (metres and radians). It may depend on those of the
+/// rows, which are all in metres here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lu<const N: usize> {
     rows: [Row<N>; N],
@@ -31,7 +34,8 @@ impl<const N: usize> Lu<N> {
     /// Factors the matrix, given by its rows.
     ///
     /// # Errors
-    /// [`KinematicsError::NotFinite`], or [`KinematicsError::Singular`] with the ratio of the pivots, up to [`SINGULAR_PIVOT_RATIO`].
+    /// [`KinematicsError::NotFinite`], or [`KinematicsError::Singular`] with the ratio of the
+    /// pivots, up to [`SINGULAR_PIVOT_RATIO`].
     pub(crate) fn factor(matrix: &[[f64; N]; N]) -> Result<Self, KinematicsError> {
         let columns = column_scales(matrix)?;
         let mut rows = scaled_rows(matrix, &columns)?;
@@ -54,7 +58,11 @@ impl<const N: usize> Lu<N> {
             // Also true for a zero pivot, so that nothing below divides by it.
             if smallest <= SINGULAR_PIVOT_RATIO * largest {
                 return Err(KinematicsError::Singular {
-                    measure: if largest > 0.0 { smallest / largest } else { 0.0 },
+                    measure: if largest > 0.0 {
+                        smallest / largest
+                    } else {
+                        0.0
+                    },
                 });
             }
             for row in below.iter_mut() {
@@ -62,7 +70,11 @@ impl<const N: usize> Lu<N> {
             }
             rest = below;
         }
-        Ok(Self { rows, columns, det_is_negative })
+        Ok(Self {
+            rows,
+            columns,
+            det_is_negative,
+        })
     }
 
     #[inline]
@@ -79,7 +91,10 @@ impl<const N: usize> Lu<N> {
         }
         for (k, row) in self.rows.iter().enumerate().rev() {
             let after = k.saturating_add(1);
-            let known: f64 = (row.values.iter().zip(&x)).skip(after).map(|(u, y)| u * y).sum();
+            let known: f64 = (row.values.iter().zip(&x))
+                .skip(after)
+                .map(|(u, y)| u * y)
+                .sum();
             let value = (at(&x, k) - known) / at(&row.values, k);
             put(&mut x, k, value);
         }
@@ -135,8 +150,15 @@ fn column_scales<const N: usize>(matrix: &[[f64; N]; N]) -> Result<[f64; N], Kin
 }
 
 /// The rows with their columns scaled, then each scaled itself.
-fn scaled_rows<const N: usize>(matrix: &[[f64; N]; N], columns: &[f64; N]) -> Result<[Row<N>; N], KinematicsError> {
-    let mut rows = [Row { source: 0, scale: 1.0, values: [0.0; N] }; N];
+fn scaled_rows<const N: usize>(
+    matrix: &[[f64; N]; N],
+    columns: &[f64; N],
+) -> Result<[Row<N>; N], KinematicsError> {
+    let mut rows = [Row {
+        source: 0,
+        scale: 1.0,
+        values: [0.0; N],
+    }; N];
     for ((index, row), given) in rows.iter_mut().enumerate().zip(matrix) {
         row.source = index;
         let mut largest = 0.0_f64;
@@ -155,10 +177,15 @@ fn scaled_rows<const N: usize>(matrix: &[[f64; N]; N], columns: &[f64; N]) -> Re
 /// One over a magnitude; a row or column of zeros makes the matrix singular.
 fn inverse_scale(largest: f64) -> Result<f64, KinematicsError> {
     let scale = 1.0 / largest;
-    if scale.is_finite() { Ok(scale) } else { Err(KinematicsError::Singular { measure: 0.0 }) }
+    if scale.is_finite() {
+        Ok(scale)
+    } else {
+        Err(KinematicsError::Singular { measure: 0.0 })
+    }
 }
 
-/// Swaps the row with the largest entry in column `k` into the pivot's place; returns true if it swapped.
+/// Swaps the row with the largest entry in column `k` into the pivot's place; returns true if it
+/// swapped.
 fn bring_up_largest<const N: usize>(k: usize, pivot: &mut Row<N>, below: &mut [Row<N>]) -> bool {
     let mut largest = at(&pivot.values, k).abs();
     let mut chosen = None;
@@ -177,7 +204,8 @@ fn bring_up_largest<const N: usize>(k: usize, pivot: &mut Row<N>, below: &mut [R
     found
 }
 
-/// Takes the multiple of the pivot row from `row` that clears its column `k`, and keeps the multiplier there.
+/// Takes the multiple of the pivot row from `row` that clears its column `k`, and keeps the
+/// multiplier there.
 fn eliminate<const N: usize>(k: usize, head: f64, pivot: &Row<N>, row: &mut Row<N>) {
     let multiplier = at(&row.values, k) / head;
     let after = k.saturating_add(1);
@@ -213,14 +241,19 @@ mod tests {
 
     /// `(|L| |U|)` of the matrix that was factored, its rows as they were given, in its units.
     ///
-    /// The rounding of a solve is bounded by it (Higham, "Accuracy and Stability of Numerical Algorithms", theorem 9.4), and not by the
-    /// matrix itself: a row whose largest entry is alone in its column may lose digits of its others.
+    /// The rounding of a solve is bounded by it (Higham, "Accuracy and Stability of Numerical
+    /// Algorithms", theorem 9.4), and not by the matrix itself: a row whose largest entry is alone
+    /// in its column may lose digits of its others.
     fn magnitudes(lu: &Lu<6>) -> [[f64; 6]; 6] {
         let mut magnitudes = [[0.0; 6]; 6];
         for (k, row) in lu.rows.iter().enumerate() {
             for (j, column) in lu.columns.iter().enumerate() {
-                let lower = |i: usize| if i == k { 1.0 } else { row.values[i].abs() };
-                let scaled = (0..=k.min(j)).map(|i| lower(i) * lu.rows[i].values[j].abs()).sum::<f64>();
+                let scaled = (0..=k.min(j))
+                    .map(|i| {
+                        let lower = if i == k { 1.0 } else { row.values[i].abs() };
+                        lower * lu.rows[i].values[j].abs()
+                    })
+                    .sum::<f64>();
                 magnitudes[row.source][j] = scaled / (row.scale * column);
             }
         }
@@ -230,10 +263,19 @@ mod tests {
     /// Requires `a x = b`, each row to rounding.
     fn holds(a: &[[f64; 6]; 6], magnitudes: &[[f64; 6]; 6], x: &[f64; 6], b: &[f64; 6]) {
         for ((row, magnitudes), b) in a.iter().zip(magnitudes).zip(b) {
-            let allowed = magnitudes.iter().zip(x).map(|(a, x)| a * x.abs()).sum::<f64>() + b.abs();
+            let allowed = magnitudes
+                .iter()
+                .zip(x)
+                .map(|(a, x)| a * x.abs())
+                .sum::<f64>()
+                + b.abs();
             let error = row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>() - b;
-            // 3 n = 18 roundings of the solve, 6 of the scales, 8 of this sum, each half an epsilon.
-            assert!(error.abs() <= 16.0 * f64::EPSILON * allowed, "{error:e} {allowed:e}");
+            // 3 n = 18 roundings of the solve, 6 of the scales, 8 of this sum, each half an
+            // epsilon.
+            assert!(
+                error.abs() <= 16.0 * f64::EPSILON * allowed,
+                "{error:e} {allowed:e}"
+            );
         }
     }
 
@@ -259,13 +301,26 @@ mod tests {
     fn singular_matrices_are_refused_whatever_their_scale() {
         for scale in [1e-200, 1e-9, 1.0, 1e9, 1e200] {
             let s = scale;
-            let dependent = [[s, 2.0 * s, 3.0 * s], [4.0 * s, 5.0 * s, 6.0 * s], [7.0 * s, 8.0 * s, 9.0 * s]];
-            assert!(matches!(Lu::factor(&dependent), Err(KinematicsError::Singular { .. })));
+            let dependent = [
+                [s, 2.0 * s, 3.0 * s],
+                [4.0 * s, 5.0 * s, 6.0 * s],
+                [7.0 * s, 8.0 * s, 9.0 * s],
+            ];
+            assert!(matches!(
+                Lu::factor(&dependent),
+                Err(KinematicsError::Singular { .. })
+            ));
             let regular = [[0.0, s, 0.0], [s, 0.0, 0.0], [0.0, 0.0, s]];
             assert!(Lu::factor(&regular).is_ok());
         }
-        assert_eq!(Lu::factor(&[[0.0; 3]; 3]), Err(KinematicsError::Singular { measure: 0.0 }));
+        assert_eq!(
+            Lu::factor(&[[0.0; 3]; 3]),
+            Err(KinematicsError::Singular { measure: 0.0 })
+        );
         assert_eq!(Lu::factor(&[[f64::NAN]]), Err(KinematicsError::NotFinite));
-        assert_eq!(Lu::factor(&[[f64::INFINITY]]), Err(KinematicsError::NotFinite));
+        assert_eq!(
+            Lu::factor(&[[f64::INFINITY]]),
+            Err(KinematicsError::NotFinite)
+        );
     }
 }

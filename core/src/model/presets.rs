@@ -1,4 +1,5 @@
-//! Example machines, those of `robots/l2.toml` and `robots/f1.toml`. Their dimensions are assumed: plausible, not measured.
+//! Example machines, those of `robots/l2.toml` and `robots/f1.toml`. Their dimensions are assumed:
+//! plausible, not measured.
 
 use nalgebra::Vector3;
 
@@ -48,7 +49,10 @@ pub const fn l2() -> l2::Geometry {
 /// Compliances of the example L2.
 #[must_use]
 pub const fn l2_compliances() -> Compliances<{ l2::AXES }> {
-    Compliances { link_m_per_n: LINKS_M_PER_N, cart_m_per_n: [4.06e-8, 5.09e-8, 6.00e-8] }
+    Compliances {
+        link_m_per_n: LINKS_M_PER_N,
+        cart_m_per_n: [4.06e-8, 5.09e-8, 6.00e-8],
+    }
 }
 
 /// Geometry of the example F1, with its nominal travel.
@@ -87,5 +91,8 @@ pub const fn f1() -> f1::Geometry {
 /// Compliances of the example F1; of its carts measured `[T Table 5.3]`.
 #[must_use]
 pub const fn f1_compliances() -> Compliances<{ f1::AXES }> {
-    Compliances { link_m_per_n: LINKS_M_PER_N, cart_m_per_n: [4.2081e-6, 7.5215e-6, 5.5578e-6, 2.0e-6, 2.0e-6, 2.0e-6] }
+    Compliances {
+        link_m_per_n: LINKS_M_PER_N,
+        cart_m_per_n: [4.2081e-6, 7.5215e-6, 5.5578e-6, 2.0e-6, 2.0e-6, 2.0e-6],
+    }
 }

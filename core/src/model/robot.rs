@@ -1,8 +1,9 @@
 //! Parameters that both machines share, and the checks of them.
 //!
-//! Conventions `[T 3.1.1]`: link order 11, 21, 22, 31, 32, 33, the arm number being the number of links in its cluster.
-//! `A_ij = A0_ij + q_i v_i` is the joint on the cart, in world axes; `B_ij = T + R b_ij` the joint on the platform.
-//! `v_i` need be neither of unit length (its length is the scale of `q_i`) nor parallel to the others.
+//! Conventions `[T 3.1.1]`: link order 11, 21, 22, 31, 32, 33, the arm number being the number of
+//! links in its cluster. `A_ij = A0_ij + q_i v_i` is the joint on the cart, in world axes;
+//! `B_ij = T + R b_ij` the joint on the platform. `v_i` need be neither of unit length (its length
+//! is the scale of `q_i`) nor parallel to the others.
 
 use core::fmt;
 use nalgebra::Vector3;
@@ -16,7 +17,8 @@ pub const LINKS: usize = 6;
 /// Index of the arm each link belongs to.
 pub const ARM_OF_LINK: [usize; LINKS] = [0, 1, 1, 2, 2, 2];
 
-/// Largest magnitude of any length of a machine, in metres. Everything the kinematics squares stays far from overflow.
+/// Largest magnitude of any length of a machine, in metres. Everything the kinematics squares stays
+/// far from overflow.
 pub const MAX_LENGTH_M: f64 = 1e3;
 /// Smallest and largest length of a guideway direction `v_i` (metres per unit of `q_i`).
 pub const SCALE_RANGE: (f64, f64) = (1e-6, 1e3);
@@ -130,11 +132,24 @@ impl fmt::Display for RobotError {
             Self::NotFinite { parameter, index } => {
                 write!(f, "{}[{index}] is not finite", parameter.key())
             }
-            Self::OutOfRange { parameter, index, lower, upper } => {
-                write!(f, "{}[{index}] must have a magnitude from {lower:e} to {upper:e}", parameter.key())
+            Self::OutOfRange {
+                parameter,
+                index,
+                lower,
+                upper,
+            } => {
+                write!(
+                    f,
+                    "{}[{index}] must have a magnitude from {lower:e} to {upper:e}",
+                    parameter.key()
+                )
             }
             Self::Reversed { parameter, index } => {
-                write!(f, "{}[{index}] has its lower end above its upper end", parameter.key())
+                write!(
+                    f,
+                    "{}[{index}] has its lower end above its upper end",
+                    parameter.key()
+                )
             }
         }
     }
@@ -142,10 +157,11 @@ impl fmt::Display for RobotError {
 
 impl core::error::Error for RobotError {}
 
-/// Compliances of links and carts `[T 3.3]`: elongation per tension, cart displacement per load. Every one is positive.
+/// Compliances of links and carts `[T 3.3]`: elongation per tension, cart displacement per load.
+/// Every one is positive.
 ///
-/// The thesis lists negative link values (its Table 5.2); they are an artefact of an identification that forbids
-/// the platform to turn, and are refused here.
+/// The thesis lists negative link values (its Table 5.2); they are an artefact of an identification
+/// that forbids the platform to turn, and are refused here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compliances<const N: usize> {
     pub(super) link_m_per_n: [f64; LINKS],
@@ -153,14 +169,28 @@ pub struct Compliances<const N: usize> {
 }
 
 impl<const N: usize> Compliances<N> {
-    /// Checks every compliance: `0 < c <= 1 m/N`. Links in link order, carts (and plates: rad/(N m)) in axis order.
+    /// Checks every compliance: `0 < c <= 1 m/N`. Links in link order, carts (and plates: rad/(N
+    /// m)) in axis order.
     ///
     /// # Errors
     /// The first compliance that is not finite, not positive, or too large.
     pub fn new(link_m_per_n: [f64; LINKS], cart_m_per_n: [f64; N]) -> Result<Self, RobotError> {
-        check_magnitudes(Parameter::LinkCompliance, &link_m_per_n, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
-        check_magnitudes(Parameter::CartCompliance, &cart_m_per_n, f64::MIN_POSITIVE, MAX_COMPLIANCE_M_PER_N)?;
-        Ok(Self { link_m_per_n, cart_m_per_n })
+        check_magnitudes(
+            Parameter::LinkCompliance,
+            &link_m_per_n,
+            f64::MIN_POSITIVE,
+            MAX_COMPLIANCE_M_PER_N,
+        )?;
+        check_magnitudes(
+            Parameter::CartCompliance,
+            &cart_m_per_n,
+            f64::MIN_POSITIVE,
+            MAX_COMPLIANCE_M_PER_N,
+        )?;
+        Ok(Self {
+            link_m_per_n,
+            cart_m_per_n,
+        })
     }
 
     /// `c_ij`: elongation of each link per newton of tension, m/N, link order.
@@ -170,7 +200,8 @@ impl<const N: usize> Compliances<N> {
         &self.link_m_per_n
     }
 
-    /// `c_i`: displacement of each cart along its guideway per newton of load, in q-units per newton of generalised load, axis order.
+    /// `c_i`: displacement of each cart along its guideway per newton of load, in q-units per
+    /// newton of generalised load, axis order.
     #[inline]
     #[must_use]
     pub const fn cart_m_per_n(&self) -> &[f64; N] {
@@ -187,8 +218,9 @@ impl<const N: usize> Compliances<N> {
     }
 }
 
-/// CRC-32 of the numbers' little-endian bits, zeros without their sign. The numbers of a machine are those that turn positions of its axes
-/// into poses, and loads into positions: `metres_per_q` is one of them.
+/// CRC-32 of the numbers' little-endian bits, zeros without their sign. The numbers of a machine
+/// are those that turn positions of its axes into poses, and loads into positions: `metres_per_q`
+/// is one of them.
 pub(super) fn checksum(numbers: impl Iterator<Item = f64>) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     for number in numbers {
@@ -199,11 +231,17 @@ pub(super) fn checksum(numbers: impl Iterator<Item = f64>) -> u32 {
 }
 
 fn check_finite(parameter: Parameter, index: usize, value: f64) -> Result<(), RobotError> {
-    if value.is_finite() { Ok(()) } else { Err(RobotError::NotFinite { parameter, index }) }
+    if value.is_finite() {
+        Ok(())
+    } else {
+        Err(RobotError::NotFinite { parameter, index })
+    }
 }
 
 /// Checks the ranges of motion, axis by axis.
-pub(super) fn check_travel<'a>(ranges: impl Iterator<Item = &'a (f64, f64)>) -> Result<(), RobotError> {
+pub(super) fn check_travel<'a>(
+    ranges: impl Iterator<Item = &'a (f64, f64)>,
+) -> Result<(), RobotError> {
     let parameter = Parameter::Travel;
     for (index, (lower, upper)) in ranges.enumerate() {
         check_finite(parameter, index, *lower)?;
@@ -216,17 +254,28 @@ pub(super) fn check_travel<'a>(ranges: impl Iterator<Item = &'a (f64, f64)>) -> 
 }
 
 /// Checks `lower <= value <= upper`, value by value, for quantities that must be positive.
-pub(super) fn check_magnitudes(parameter: Parameter, values: &[f64], lower: f64, upper: f64) -> Result<(), RobotError> {
+pub(super) fn check_magnitudes(
+    parameter: Parameter,
+    values: &[f64],
+    lower: f64,
+    upper: f64,
+) -> Result<(), RobotError> {
     for (index, value) in values.iter().enumerate() {
         check_finite(parameter, index, *value)?;
         if *value < lower || *value > upper {
-            return Err(RobotError::OutOfRange { parameter, index, lower, upper });
+            return Err(RobotError::OutOfRange {
+                parameter,
+                index,
+                lower,
+                upper,
+            });
         }
     }
     Ok(())
 }
 
-/// Checks that the length of each vector is from `lower` to `upper`; squares are compared, which needs no root.
+/// Checks that the length of each vector is from `lower` to `upper`; squares are compared, which
+/// needs no root.
 pub(super) fn check_vectors(
     parameter: Parameter,
     vectors: &[Vector3<f64>],
@@ -240,7 +289,12 @@ pub(super) fn check_vectors(
         let squared = vector.dot(vector);
         // The square of a huge finite component may be infinite, which is out of range too.
         if squared < lower * lower || squared > upper * upper {
-            return Err(RobotError::OutOfRange { parameter, index, lower, upper });
+            return Err(RobotError::OutOfRange {
+                parameter,
+                index,
+                lower,
+                upper,
+            });
         }
     }
     Ok(())

@@ -1,17 +1,22 @@
 //! Six-axis force sensor on the platform: tare, weight of the tool, frame, low-pass `[T 4.2.5]`.
 //!
-//! The sensor turns with the platform, whose rotation is `R`, world axes from platform axes. Its mounting is constant: `R_s`, platform axes
-//! from sensor axes, and `p`, from the tool centre point to its origin, platform axes. It carries a tool of weight `G` (world axes), whose
-//! centre of gravity is at `c` from the tool centre point (platform axes), and reads, about its origin and with a zero error `b`,
+//! The sensor turns with the platform, whose rotation is `R`, world axes from platform axes. Its
+//! mounting is constant: `R_s`, platform axes from sensor axes, and `p`, from the tool centre point
+//! to its origin, platform axes. It carries a tool of weight `G` (world axes), whose centre of
+//! gravity is at `c` from the tool centre point (platform axes), and reads, about its origin and
+//! with a zero error `b`,
 //!
 //! - `F_s = R_s^T R^T (F + G) + b_F`,
 //! - `M_s = R_s^T (R^T M + c x R^T G - p x R^T (F + G)) + b_M`.
 //!
-//! Out comes the load `(F, M)` of the environment on the platform, world axes, about the tool centre point, filtered by a first-order
-//! low-pass. The tare finds `b` alone, so that it holds in every orientation; a weight that is not known becomes part of `b`, which is
-//! right as long as the platform does not turn. (The thesis' three-axis machine never turns it; there the weight is tared `[T 4.2.5]`.)
+//! Out comes the load `(F, M)` of the environment on the platform, world axes, about the tool
+//! centre point, filtered by a first-order low-pass. The tare finds `b` alone, so that it holds in
+//! every orientation; a weight that is not known becomes part of `b`, which is right as long as the
+//! platform does not turn. (The thesis' three-axis machine never turns it; there the weight is
+//! tared `[T 4.2.5]`.)
 //!
-//! Inertia is not taken out: a tool of mass `m` accelerated by `a` reads `-m a` too, 5 N for 5 kg at 1 m/s².
+//! Inertia is not taken out: a tool of mass `m` accelerated by `a` reads `-m a` too, 5 N for 5 kg
+//! at 1 m/s².
 
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
@@ -19,7 +24,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::model::linalg::{rotation_deviation, times};
 use crate::model::statics::Wrench;
 
-/// Largest component of a reading, N and N m: beyond it a reading is a fault, and sums stay far from overflow.
+/// Largest component of a reading, N and N m: beyond it a reading is a fault, and sums stay far
+/// from overflow.
 pub const MAX_READING: f64 = 1e6;
 /// Largest number of samples of a tare.
 pub const MAX_TARE_SAMPLES: u32 = 1_000_000;
@@ -27,22 +33,27 @@ pub const MAX_TARE_SAMPLES: u32 = 1_000_000;
 pub const MAX_LEVER_M: f64 = 10.0;
 /// Largest component of a tool's weight, N.
 pub const MAX_WEIGHT_N: f64 = 1e5;
-/// Largest deviation of a platform's rotation from an orthonormal one (largest component of `R^T R - 1`).
+/// Largest deviation of a platform's rotation from an orthonormal one (largest component of
+/// `R^T R - 1`).
 pub const MAX_ROTATION_DEVIATION: f64 = 1e-6;
 
-/// A weight's force and moment about the sensor's origin: sqrt(3) turned, on a lever of at most 2 sqrt(3) [`MAX_LEVER_M`].
+/// A weight's force and moment about the sensor's origin: sqrt(3) turned, on a lever of at most 2
+/// sqrt(3) [`MAX_LEVER_M`].
 const WIDEST_WEIGHT: f64 = 2.0 * MAX_WEIGHT_N * (1.0 + 4.0 * MAX_LEVER_M);
 /// A mean of readings less a weight, and its rounding.
 const WIDEST_TARE: f64 = (MAX_READING + WIDEST_WEIGHT) * (1.0 + 1e-9);
-/// A reading less its tare, sqrt(3) turned; the lever adds its moment, and the weight comes off again.
-const WIDEST_LOAD: f64 = 2.0 * (MAX_READING + WIDEST_TARE) * (1.0 + 4.0 * MAX_LEVER_M) + WIDEST_WEIGHT;
+/// A reading less its tare, sqrt(3) turned; the lever adds its moment, and the weight comes off
+/// again.
+const WIDEST_LOAD: f64 =
+    2.0 * (MAX_READING + WIDEST_TARE) * (1.0 + 4.0 * MAX_LEVER_M) + WIDEST_WEIGHT;
 
 /// Weight of what the sensor carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tool {
     /// `G`: its weight, a force, world axes, N. At most [`MAX_WEIGHT_N`] per component.
     pub weight_n: Vector3<f64>,
-    /// `c`: from the tool centre point to its centre of gravity, platform axes, m. At most [`MAX_LEVER_M`] per component.
+    /// `c`: from the tool centre point to its centre of gravity, platform axes, m. At most
+    /// [`MAX_LEVER_M`] per component.
     pub centre_m: Vector3<f64>,
 }
 
@@ -50,7 +61,10 @@ impl Tool {
     /// A tool whose weight is not known, and so is tared.
     #[must_use]
     pub fn weightless() -> Self {
-        Self { weight_n: Vector3::zeros(), centre_m: Vector3::zeros() }
+        Self {
+            weight_n: Vector3::zeros(),
+            centre_m: Vector3::zeros(),
+        }
     }
 }
 
@@ -59,9 +73,10 @@ impl Tool {
 pub struct SensorConfig {
     /// `R_s`: platform axes from sensor axes.
     pub rotation: Matrix3<f64>,
-    /// `p`: from the tool centre point to the sensor's origin, platform axes, m. At most [`MAX_LEVER_M`] per component.
+    /// `p`: from the tool centre point to the sensor's origin, platform axes, m. At most
+    /// [`MAX_LEVER_M`] per component.
     pub lever_m: Vector3<f64>,
-    /// What the sensor carries.
+    /// Tool that the sensor carries.
     pub tool: Tool,
     /// Cut-off frequency of the low-pass, Hz.
     pub cutoff_hz: f64,
@@ -77,7 +92,8 @@ pub struct SensorConfig {
 pub enum SensorError {
     /// `rotation` of the configuration is not a rotation matrix.
     NotRotation,
-    /// The platform's rotation is not a rotation matrix, to [`MAX_ROTATION_DEVIATION`]; the reading was not used.
+    /// The platform's rotation is not a rotation matrix, to [`MAX_ROTATION_DEVIATION`]; the reading
+    /// was not used.
     PlatformNotRotation,
     /// A parameter is not finite or outside its range.
     OutOfRange {
@@ -88,7 +104,8 @@ pub enum SensorError {
         /// Largest value accepted.
         upper: f64,
     },
-    /// A component of the reading is NaN, infinite or beyond [`MAX_READING`]; the reading was not used.
+    /// A component of the reading is NaN, infinite or beyond [`MAX_READING`]; the reading was not
+    /// used.
     BadReading,
     /// A state given to [`ForceSensor::from_parts`] violates [`ForceSensor::is_valid`].
     InvalidState,
@@ -98,8 +115,14 @@ impl fmt::Display for SensorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotRotation => f.write_str("rotation is not a rotation matrix"),
-            Self::PlatformNotRotation => f.write_str("rotation of the platform is not a rotation matrix"),
-            Self::OutOfRange { parameter, lower, upper } => {
+            Self::PlatformNotRotation => {
+                f.write_str("rotation of the platform is not a rotation matrix")
+            }
+            Self::OutOfRange {
+                parameter,
+                lower,
+                upper,
+            } => {
                 write!(f, "{parameter} must be from {lower:e} to {upper:e}")
             }
             Self::BadReading => f.write_str("reading is not finite or out of range"),
@@ -129,7 +152,8 @@ pub enum Reading {
 pub struct SensorState {
     /// Samples the tare still needs; 0 once it is done.
     pub tare_remaining: u32,
-    /// `b`: mean of the samples the tare has taken, less the tool's weight; zero before the first. Sensor axes.
+    /// `b`: mean of the samples the tare has taken, less the tool's weight; zero before the first.
+    /// Sensor axes.
     pub tare: Wrench,
     /// Output of the low-pass, world axes, about the tool centre point.
     pub filtered: Wrench,
@@ -137,7 +161,11 @@ pub struct SensorState {
 
 impl SensorState {
     fn untared(config: &SensorConfig) -> Self {
-        Self { tare_remaining: config.tare_samples, tare: Wrench::zero(), filtered: Wrench::zero() }
+        Self {
+            tare_remaining: config.tare_samples,
+            tare: Wrench::zero(),
+            filtered: Wrench::zero(),
+        }
     }
 }
 
@@ -181,8 +209,8 @@ pub struct ForceSensor {
 impl ForceSensor {
     /// Checks the configuration; the sensor starts with its tare.
     ///
-    /// The low-pass is `y += a (x - y)` with `a = u / (1 + u)`, `u = 2 pi f T` (backward Euler): stable for every cut-off,
-    /// within 2 % of its corner while `f T <= 0.01`.
+    /// The low-pass is `y += a (x - y)` with `a = u / (1 + u)`, `u = 2 pi f T` (backward Euler):
+    /// stable for every cut-off, within 2 % of its corner while `f T <= 0.01`.
     ///
     /// # Errors
     /// [`SensorError::NotRotation`] or [`SensorError::OutOfRange`], naming the parameter.
@@ -204,7 +232,11 @@ impl ForceSensor {
         let samples = f64::from(config.tare_samples);
         check("tare_samples", samples, 1.0, f64::from(MAX_TARE_SAMPLES))?;
         let u = core::f64::consts::TAU * config.cutoff_hz * config.cycle_s;
-        Ok(Self { config, coefficient: u / (1.0 + u), state: SensorState::untared(&config) })
+        Ok(Self {
+            config,
+            coefficient: u / (1.0 + u),
+            state: SensorState::untared(&config),
+        })
     }
 
     /// A sensor in a given state.
@@ -212,8 +244,15 @@ impl ForceSensor {
     /// # Errors
     /// As [`new`](Self::new); [`SensorError::InvalidState`].
     pub fn from_parts(config: SensorConfig, state: SensorState) -> Result<Self, SensorError> {
-        let sensor = Self { state, ..Self::new(config)? };
-        if sensor.is_valid() { Ok(sensor) } else { Err(SensorError::InvalidState) }
+        let sensor = Self {
+            state,
+            ..Self::new(config)?
+        };
+        if sensor.is_valid() {
+            Ok(sensor)
+        } else {
+            Err(SensorError::InvalidState)
+        }
     }
 
     /// The configuration.
@@ -228,8 +267,8 @@ impl ForceSensor {
         &self.state
     }
 
-    /// The invariant: no more samples to go than configured; a mean no further out than readings are, zero before the first;
-    /// a filter no further out than readings can drive it.
+    /// The invariant: no more samples to go than configured; a mean no further out than readings
+    /// are, zero before the first; a filter no further out than readings can drive it.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let state = &self.state;
@@ -245,15 +284,22 @@ impl ForceSensor {
         self.state = SensorState::untared(&self.config);
     }
 
-    /// Takes one raw sample (sensor axes, N and N m), once per cycle, with the platform turned by `rotation` (world axes from platform axes):
-    /// of the three-axis machine a constant, of the six-axis machine that of the tracked pose.
+    /// Takes one raw sample (sensor axes, N and N m), once per cycle, with the platform turned by
+    /// `rotation` (world axes from platform axes): of the three-axis machine a constant, of the
+    /// six-axis machine that of the tracked pose.
     ///
-    /// The filter starts from zero, which the tare has just defined: no step when the first load is computed.
-    /// The new state is checked before it is kept, so that the invariant does not depend on the arithmetic.
+    /// The filter starts from zero, which the tare has just defined: no step when the first load is
+    /// computed. The new state is checked before it is kept, so that the invariant does not depend
+    /// on the arithmetic.
     ///
     /// # Errors
-    /// [`SensorError::BadReading`] and [`SensorError::PlatformNotRotation`]; the state is what it was.
-    pub fn update(&mut self, raw: &Wrench, rotation: &Matrix3<f64>) -> Result<Reading, SensorError> {
+    /// [`SensorError::BadReading`] and [`SensorError::PlatformNotRotation`]; the state is what it
+    /// was.
+    pub fn update(
+        &mut self,
+        raw: &Wrench,
+        rotation: &Matrix3<f64>,
+    ) -> Result<Reading, SensorError> {
         if !within(raw, MAX_READING) {
             return Err(SensorError::BadReading);
         }
@@ -284,28 +330,49 @@ impl ForceSensor {
         let mut tare = self.state.tare;
         tare.force_n += (raw.force_n - weight.force_n - tare.force_n) * share;
         tare.moment_nm += (raw.moment_nm - weight.moment_nm - tare.moment_nm) * share;
-        SensorState { tare_remaining: remaining, tare, ..self.state }
+        SensorState {
+            tare_remaining: remaining,
+            tare,
+            ..self.state
+        }
     }
 
     /// The state with one more sample in the filter.
     fn filtered(&self, raw: &Wrench, rotation: &Matrix3<f64>) -> SensorState {
-        let SensorState { tare, mut filtered, .. } = self.state;
+        let SensorState {
+            tare, mut filtered, ..
+        } = self.state;
         let weight = self.weight(rotation);
-        let turned = |v: Vector3<f64>| times(rotation, &times(&self.config.rotation, &v));
-        let force_n = turned(raw.force_n - tare.force_n - weight.force_n);
+        let force_n = self.in_world(rotation, &(raw.force_n - tare.force_n - weight.force_n));
         let lever_m = times(rotation, &self.config.lever_m);
-        let moment_nm = turned(raw.moment_nm - tare.moment_nm - weight.moment_nm) + lever_m.cross(&force_n);
+        let moment_nm = raw.moment_nm - tare.moment_nm - weight.moment_nm;
+        let moment_nm = self.in_world(rotation, &moment_nm) + lever_m.cross(&force_n);
         filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
         filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;
-        SensorState { filtered, ..self.state }
+        SensorState {
+            filtered,
+            ..self.state
+        }
     }
 
     /// The weight as the sensor reads it: `R_s^T R^T G`, `R_s^T ((c - p) x R^T G)`.
     fn weight(&self, rotation: &Matrix3<f64>) -> Wrench {
-        let SensorConfig { rotation: mounting, lever_m, tool, .. } = &self.config;
-        let in_sensor = |v: &Vector3<f64>| times(&mounting.transpose(), v);
+        let SensorConfig { lever_m, tool, .. } = &self.config;
         let platform_n = times(&rotation.transpose(), &tool.weight_n);
-        Wrench { force_n: in_sensor(&platform_n), moment_nm: in_sensor(&(tool.centre_m - lever_m).cross(&platform_n)) }
+        Wrench {
+            force_n: self.in_sensor(&platform_n),
+            moment_nm: self.in_sensor(&(tool.centre_m - lever_m).cross(&platform_n)),
+        }
+    }
+
+    /// Rotates a vector from sensor into world axes: `R R_s v`.
+    fn in_world(&self, rotation: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+        times(rotation, &times(&self.config.rotation, v))
+    }
+
+    /// Rotates a vector from platform into sensor axes: `R_s^T v`.
+    fn in_sensor(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        times(&self.config.rotation.transpose(), v)
     }
 }
 
@@ -313,13 +380,30 @@ impl ForceSensor {
 fn within(wrench: &Wrench, limit: f64) -> bool {
     // Spelled out: an iterator is a loop to a prover.
     let [fx, fy, fz, mx, my, mz] = wrench.to_array();
-    let within = |value: f64| value.abs() <= limit;
-    within(fx) && within(fy) && within(fz) && within(mx) && within(my) && within(mz)
+    is_within(fx, limit)
+        && is_within(fy, limit)
+        && is_within(fz, limit)
+        && is_within(mx, limit)
+        && is_within(my, limit)
+        && is_within(mz, limit)
+}
+
+/// True if the magnitude is at most `limit`; false for NaN.
+fn is_within(value: f64, limit: f64) -> bool {
+    value.abs() <= limit
 }
 
 /// Checks `lower <= value <= upper`; NaN is an error.
 fn check(parameter: &'static str, value: f64, lower: f64, upper: f64) -> Result<(), SensorError> {
-    if value >= lower && value <= upper { Ok(()) } else { Err(SensorError::OutOfRange { parameter, lower, upper }) }
+    if value >= lower && value <= upper {
+        Ok(())
+    } else {
+        Err(SensorError::OutOfRange {
+            parameter,
+            lower,
+            upper,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -345,19 +429,30 @@ mod tests {
     }
 
     /// Reading of the sensor under a load, by transfer of moments in world axes, with a zero error.
-    fn reading(config: &SensorConfig, rotation: &Matrix3<f64>, load: &Wrench, bias: &Wrench) -> Wrench {
-        let at = |v: Vector3<f64>| rotation * v;
-        let weight_nm = at(config.tool.centre_m).cross(&config.tool.weight_n);
+    fn reading(
+        config: &SensorConfig,
+        rotation: &Matrix3<f64>,
+        load: &Wrench,
+        bias: &Wrench,
+    ) -> Wrench {
+        let centre_m = rotation * config.tool.centre_m;
+        let lever_m = rotation * config.lever_m;
+        let weight_nm = centre_m.cross(&config.tool.weight_n);
         let force_n = load.force_n + config.tool.weight_n;
-        let moment_nm = load.moment_nm + weight_nm - at(config.lever_m).cross(&force_n);
+        let moment_nm = load.moment_nm + weight_nm - lever_m.cross(&force_n);
         let axes = (rotation * config.rotation).transpose();
-        Wrench { force_n: axes * force_n + bias.force_n, moment_nm: axes * moment_nm + bias.moment_nm }
+        Wrench {
+            force_n: axes * force_n + bias.force_n,
+            moment_nm: axes * moment_nm + bias.moment_nm,
+        }
     }
 
     fn settled(sensor: &mut ForceSensor, raw: [f64; 6]) -> [f64; 6] {
         let mut load = Wrench::zero();
         for _ in 0..2000 {
-            let reading = sensor.update(&Wrench::from_array(raw), &Matrix3::identity()).unwrap();
+            let reading = sensor
+                .update(&Wrench::from_array(raw), &Matrix3::identity())
+                .unwrap();
             if let Reading::Load(wrench) = reading {
                 load = wrench;
             }
@@ -376,7 +471,8 @@ mod tests {
             assert_eq!(reading, Reading::Taring { remaining });
         }
         close(&sensor.state().tare.to_array(), &bias, 1e-14, "mean");
-        // 100 N along x of the sensor, that is y of the world, 80 mm below the tool centre point: M_x = 0.08 * 100.
+        // 100 N along x of the sensor, that is y of the world, 80 mm below the tool centre point:
+        // M_x = 0.08 * 100.
         let mut raw = bias;
         raw[0] += 100.0;
         let load = settled(&mut sensor, raw);
@@ -392,23 +488,50 @@ mod tests {
 
     #[test]
     fn the_load_is_the_same_however_the_platform_is_turned() {
-        let tool = Tool { weight_n: Vector3::new(0.5, -1.0, -49.0), centre_m: Vector3::new(0.03, -0.02, -0.2) };
+        let tool = Tool {
+            weight_n: Vector3::new(0.5, -1.0, -49.0),
+            centre_m: Vector3::new(0.03, -0.02, -0.2),
+        };
         // Nearly no filter, so that one sample is enough.
-        let config = SensorConfig { tool, cutoff_hz: 1e5, cycle_s: 10.0, ..config() };
+        let config = SensorConfig {
+            tool,
+            cutoff_hz: 1e5,
+            cycle_s: 10.0,
+            ..config()
+        };
         let bias = Wrench::from_array([3.0, -2.0, 40.0, 0.5, 0.1, -0.2]);
-        let poses = [turned(0.0, 0.0, 0.0), turned(0.3, 0.0, 0.0), turned(0.3, -0.3, 0.1), turned(-1.0, 2.0, 0.5)];
-        let loads = [Wrench::zero(), Wrench::from_array([300.0, -100.0, 50.0, 4.0, -8.0, 15.0])];
+        let poses = [
+            turned(0.0, 0.0, 0.0),
+            turned(0.3, 0.0, 0.0),
+            turned(0.3, -0.3, 0.1),
+            turned(-1.0, 2.0, 0.5),
+        ];
+        let loads = [
+            Wrench::zero(),
+            Wrench::from_array([300.0, -100.0, 50.0, 4.0, -8.0, 15.0]),
+        ];
         let mut sensor = ForceSensor::new(config).unwrap();
         // The tare may even be taken while the platform turns.
         for pose in &poses {
-            sensor.update(&reading(&config, pose, &Wrench::zero(), &bias), pose).unwrap();
+            sensor
+                .update(&reading(&config, pose, &Wrench::zero(), &bias), pose)
+                .unwrap();
         }
-        close(&sensor.state().tare.to_array(), &bias.to_array(), 1e-12, "bias");
+        close(
+            &sensor.state().tare.to_array(),
+            &bias.to_array(),
+            1e-12,
+            "bias",
+        );
         for (pose, load) in poses.iter().flat_map(|pose| loads.map(|load| (pose, load))) {
             let raw = reading(&config, pose, &load, &bias);
-            let Reading::Load(found) = sensor.update(&raw, pose).unwrap() else { panic!("still taring") };
+            let Reading::Load(found) = sensor.update(&raw, pose).unwrap() else {
+                panic!("still taring")
+            };
             // The filter keeps 2e-7 of the load before.
-            let off = (found.force_n - load.force_n).amax().max((found.moment_nm - load.moment_nm).amax());
+            let off = (found.force_n - load.force_n)
+                .amax()
+                .max((found.moment_nm - load.moment_nm).amax());
             assert!(off < 1e-4, "{found:?} {load:?}");
         }
     }
@@ -418,8 +541,16 @@ mod tests {
         let mut sensor = ForceSensor::new(config()).unwrap();
         let before = sensor;
         let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
-        for wrong in [mirrored, Matrix3::identity() * 1.001, Matrix3::zeros(), Matrix3::repeat(f64::NAN)] {
-            assert_eq!(sensor.update(&Wrench::zero(), &wrong), Err(SensorError::PlatformNotRotation));
+        for wrong in [
+            mirrored,
+            Matrix3::identity() * 1.001,
+            Matrix3::zeros(),
+            Matrix3::repeat(f64::NAN),
+        ] {
+            assert_eq!(
+                sensor.update(&Wrench::zero(), &wrong),
+                Err(SensorError::PlatformNotRotation)
+            );
             assert_eq!(sensor, before);
         }
     }
@@ -427,13 +558,21 @@ mod tests {
     #[test]
     fn the_low_pass_has_its_time_constant_and_never_overshoots() {
         for cutoff_hz in [1e-3, 1.0, 20.0, 500.0, 1e5] {
-            let mut sensor = ForceSensor::new(SensorConfig { cutoff_hz, tare_samples: 1, ..config() }).unwrap();
+            let mut sensor = ForceSensor::new(SensorConfig {
+                cutoff_hz,
+                tare_samples: 1,
+                ..config()
+            })
+            .unwrap();
             assert!(sensor.coefficient > 0.0 && sensor.coefficient < 1.0);
-            sensor.update(&Wrench::zero(), &Matrix3::identity()).unwrap();
+            sensor
+                .update(&Wrench::zero(), &Matrix3::identity())
+                .unwrap();
             let step = Wrench::from_array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
             let mut last = 0.0;
             for k in 1..2000 {
-                let Reading::Load(load) = sensor.update(&step, &Matrix3::identity()).unwrap() else {
+                let Reading::Load(load) = sensor.update(&step, &Matrix3::identity()).unwrap()
+                else {
                     panic!("still taring");
                 };
                 assert!(load.force_n.z >= last && load.force_n.z <= 1.0 + 1e-12);
@@ -449,17 +588,62 @@ mod tests {
     #[test]
     fn configurations_are_refused_by_name() {
         let lever_m = Vector3::new(0.0, f64::NAN, 0.0);
-        let heavy = Tool { weight_n: Vector3::new(0.0, 0.0, -1.1e5), ..Tool::weightless() };
-        let far = Tool { centre_m: Vector3::new(11.0, 0.0, 0.0), ..Tool::weightless() };
+        let heavy = Tool {
+            weight_n: Vector3::new(0.0, 0.0, -1.1e5),
+            ..Tool::weightless()
+        };
+        let far = Tool {
+            centre_m: Vector3::new(11.0, 0.0, 0.0),
+            ..Tool::weightless()
+        };
         let one_each = [
-            (SensorConfig { lever_m, ..config() }, "lever_m"),
-            (SensorConfig { tool: heavy, ..config() }, "tool.weight_n"),
-            (SensorConfig { tool: far, ..config() }, "tool.centre_m"),
-            (SensorConfig { tare_samples: 0, ..config() }, "tare_samples"),
+            (
+                SensorConfig {
+                    lever_m,
+                    ..config()
+                },
+                "lever_m",
+            ),
+            (
+                SensorConfig {
+                    tool: heavy,
+                    ..config()
+                },
+                "tool.weight_n",
+            ),
+            (
+                SensorConfig {
+                    tool: far,
+                    ..config()
+                },
+                "tool.centre_m",
+            ),
+            (
+                SensorConfig {
+                    tare_samples: 0,
+                    ..config()
+                },
+                "tare_samples",
+            ),
         ];
         let wild = [f64::NAN, f64::INFINITY, -1.0, 0.0].map(|bad| {
-            let cutoff = (SensorConfig { cutoff_hz: bad, ..config() }, "cutoff_hz");
-            [cutoff, (SensorConfig { cycle_s: bad, ..config() }, "cycle_s")]
+            let cutoff = (
+                SensorConfig {
+                    cutoff_hz: bad,
+                    ..config()
+                },
+                "cutoff_hz",
+            );
+            [
+                cutoff,
+                (
+                    SensorConfig {
+                        cycle_s: bad,
+                        ..config()
+                    },
+                    "cycle_s",
+                ),
+            ]
         });
         for (wrong, name) in one_each.into_iter().chain(wild.into_iter().flatten()) {
             let refused = ForceSensor::new(wrong);
@@ -467,7 +651,13 @@ mod tests {
             assert!(named, "{name}: {refused:?}");
         }
         let rotation = config().rotation * 1.001;
-        assert_eq!(ForceSensor::new(SensorConfig { rotation, ..config() }), Err(SensorError::NotRotation));
+        assert_eq!(
+            ForceSensor::new(SensorConfig {
+                rotation,
+                ..config()
+            }),
+            Err(SensorError::NotRotation)
+        );
         for (remaining, value) in [(5, 0.0), (0, 1.0e7), (4, 1.0), (0, f64::NAN)] {
             let mut state = *ForceSensor::new(config()).unwrap().state();
             state.tare_remaining = remaining;

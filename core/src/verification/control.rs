@@ -8,7 +8,9 @@ pub use crate::control::monitor::{Parts as MonitorParts, Seen};
 pub use crate::control::session::Parts;
 pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nominal_stepped};
 pub use crate::control::session::channels::AxisChannels;
-pub use crate::control::session::fsm::{Action, Decision, EndReason, FsmInput, FsmState, Rules, decide};
+pub use crate::control::session::fsm::{
+    Action, Decision, EndReason, FsmInput, FsmState, Rules, decide,
+};
 pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Verdict};
 pub use crate::control::session::step::{Known, Order, carry_out, order};
 pub use crate::control::wire::frame::checksum;
@@ -26,11 +28,16 @@ pub trait Internals<const N: usize>: Sized {
     /// Returns the parts of a session.
     fn parts(&self) -> &Parts<N>;
     /// First part of a tick: takes note of the fate of the last references.
-    fn settle_write(&mut self, last_write: &LastWrite<N>);
+    fn apply_write_result(&mut self, last_write: &LastWrite<N>);
     /// Second part of a tick: classifies the events.
     fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics);
     /// Third part of a tick: decides and acts.
-    fn step(&mut self, tick: &TickInput<N>, events: &Accepted<N>, counts: &Diagnostics) -> Output<N>;
+    fn step(
+        &mut self,
+        tick: &TickInput<N>,
+        events: &Accepted<N>,
+        counts: &Diagnostics,
+    ) -> Output<N>;
 }
 
 impl<const N: usize> Internals<N> for Session<N> {
@@ -42,17 +49,25 @@ impl<const N: usize> Internals<N> for Session<N> {
         self.parts()
     }
 
-    fn settle_write(&mut self, last_write: &LastWrite<N>) {
-        self.settle_write(last_write);
+    fn apply_write_result(&mut self, last_write: &LastWrite<N>) {
+        self.apply_write_result(last_write);
     }
 
     fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics) {
-        let (mut accepted, mut diagnostics) = (Accepted::nothing(), Diagnostics::after(&self.parts().counters));
+        let (mut accepted, mut diagnostics) = (
+            Accepted::nothing(),
+            Diagnostics::after(&self.parts().counters),
+        );
         self.classify(events, epochs, &mut accepted, &mut diagnostics);
         (accepted, diagnostics)
     }
 
-    fn step(&mut self, tick: &TickInput<N>, events: &Accepted<N>, counts: &Diagnostics) -> Output<N> {
+    fn step(
+        &mut self,
+        tick: &TickInput<N>,
+        events: &Accepted<N>,
+        counts: &Diagnostics,
+    ) -> Output<N> {
         self.step(tick, events, counts)
     }
 }
@@ -71,12 +86,17 @@ pub const fn monitor_parts<const N: usize>(monitor: &Monitor<N>) -> &MonitorPart
 
 /// Returns the events that wait for the coming tick of an endpoint.
 #[must_use]
-pub fn inbox<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N, MOTORS>) -> &[(Connection, Event<N>)] {
+pub fn inbox<const N: usize, const MOTORS: usize>(
+    endpoint: &Endpoint<N, MOTORS>,
+) -> &[(Connection, Event<N>)] {
     endpoint.inbox()
 }
 
 /// True if a connection has its place in an endpoint.
 #[must_use]
-pub fn is_open<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N, MOTORS>, connection: Connection) -> bool {
+pub fn is_open<const N: usize, const MOTORS: usize>(
+    endpoint: &Endpoint<N, MOTORS>,
+    connection: Connection,
+) -> bool {
     endpoint.is_open(connection)
 }

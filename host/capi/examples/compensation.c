@@ -1,7 +1,7 @@
 /*
  * Kinematics and compensation of both machines: the offset of each axis for a pose and a load.
  *
- * Geometry, springs and sensor come from headers that `gantry-tau header l2 --prefix l2` and `gantry-tau header f1 --prefix f1` write.
+ * Geometry, springs and sensor come from headers that `gantry-tau header --robot l2 --prefix l2` and `gantry-tau header --robot f1 --prefix f1` write.
  * Every number is printed as its 64 bits and rounded.
  */
 #include <inttypes.h>

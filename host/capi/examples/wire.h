@@ -5,10 +5,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { WELCOME = 2, STATE = 4, SUBMIT = 1, OBTAIN = 2, LONGEST = 128 };
+enum { WELCOME = 2, STATE = 4, SUBMIT = 1, OBTAIN = 2, MAX_FRAME = 128 };
 
 typedef struct {
-    uint8_t bytes[LONGEST];
+    uint8_t bytes[MAX_FRAME];
     size_t length;
 } wire_frame;
 

@@ -45,7 +45,8 @@
 #define GT_MEMORY(size) union { long double alignment; unsigned char bytes[size]; }
 
 
-// Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
+// Version of this interface. It changes with every change to a type, a constant or the meaning of
+// a function.
 #define GT_ABI_VERSION 4
 
 // Longest part of a black box, bytes.
@@ -66,7 +67,8 @@
 // Bytes of a gt_l2.
 #define GT_L2_SIZE 2048
 
-// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number of links.
+// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number
+// of links.
 #define GT_LINKS 6
 
 // Number of arms, carts and guideways.
@@ -87,7 +89,8 @@
 // Connections that can be open at once: the owner, and others that are told why they cannot be.
 #define GT_MAX_CONNECTIONS 6
 
-// TCP and the like: bytes come in pieces of any length. A broken frame ends the connection, and its session.
+// TCP and the like: bytes come in pieces of any length. A broken frame ends the connection, and
+// its session.
 #define GT_TRANSPORT_STREAM 0
 
 // UDP and the like: each gt_server_feed is one whole datagram. A broken one is dropped.
@@ -147,13 +150,15 @@
 // The drives took the references of the last tick. Also the value for the first tick.
 #define GT_WRITE_ACCEPTED 1
 
-// The drives did not take them, which stops; they were read back and have the values of `in_force`.
+// The drives did not take them, which stops; they were read back and have the values of
+// `in_force`.
 #define GT_WRITE_REFUSED 2
 
 // The drives did not take them, which stops, and cannot be read back.
 #define GT_WRITE_UNKNOWN 3
 
-// Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and motors count from 0.
+// Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and
+// motors count from 0.
 enum gt_code
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
@@ -179,12 +184,14 @@ enum gt_code
   GT_CODE_TRANSPORT = 8,
   // The number of motors is not 1 to GT_MAX_MOTORS. `value`: the refused number.
   GT_CODE_MOTOR_COUNT = 9,
-  // black_box_ticks is neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused number.
+  // black_box_ticks is neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused
+  // number.
   GT_CODE_BLACK_BOX = 10,
   // A branch or a sign is neither 1 nor -1. `index`: its number.
   GT_CODE_BRANCH = 11,
-  // A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`: GT_PARAMETER_STOP, GT_PARAMETER_REARM or
-  // GT_PARAMETER_LAST_WRITE, `value`: the refused number.
+  // A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`:
+  // GT_PARAMETER_STOP, GT_PARAMETER_REARM or GT_PARAMETER_LAST_WRITE, `value`: the refused
+  // number.
   GT_CODE_TICK_INPUT = 12,
   // All frames or connections have been polled: the end of a loop, not an error.
   GT_CODE_DONE = 13,
@@ -196,7 +203,8 @@ enum gt_code
   GT_CODE_LIMITS_RAMP_NOT_POSITIVE = 101,
   // rho of a channel is above S. `index`: axis, `parameter`: channel, `value`: rho, `upper`: S.
   GT_CODE_LIMITS_RAMP_ABOVE_STEP = 102,
-  // A of a channel is below S + rho. `index`: axis, `parameter`: channel, `value`: A, `lower`: S + rho.
+  // A of a channel is below S + rho. `index`: axis, `parameter`: channel, `value`: A, `lower`: S
+  // + rho.
   GT_CODE_LIMITS_ACCEL_TOO_SMALL = 103,
   // The number of axes is neither 3 nor 6. `value`: the refused number.
   GT_CODE_CONFIG_AXES = 200,
@@ -208,33 +216,40 @@ enum gt_code
   GT_CODE_CONFIG_TORQUE_MAX = 203,
   // A travel has its ends reversed, or beyond 2^61 nm. `index`: axis.
   GT_CODE_CONFIG_TRAVEL = 204,
-  // The nominal travel is less than M of the position channel inside the machine's travel. `index`: axis.
+  // The nominal travel is less than M of the position channel inside the machine's travel.
+  // `index`: axis.
   GT_CODE_CONFIG_MARGIN = 205,
-  // An offset in force is beyond its limits: the server must not start.
-  // `index`: axis, `value`: its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
+  // An offset in force is beyond its limits: the server must not start. `index`: axis, `value`:
+  // its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
   GT_CODE_START_OFFSET_IN_FORCE = 300,
-  // The first tick has no reading, or an axis stands further than GT_START_WINDOW_NM from what gt_start says is in force. Nothing may be written.
-  // `index`: axis, or -1 without a reading, `value`: distance, nm.
+  // The first tick has no reading, or an axis stands further than GT_START_WINDOW_NM from what
+  // gt_start says is in force. Nothing may be written. `index`: axis, or -1 without a reading,
+  // `value`: distance, nm.
   GT_CODE_START_DISAGREES = 301,
-  // A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis, `upper`: number of axes.
+  // A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis,
+  // `upper`: number of axes.
   GT_CODE_MOTOR_MAP = 400,
   // GT_MAX_CONNECTIONS are open. Send the frame of gt_server_refusal to the peer.
   GT_CODE_FULL = 500,
   // A number of a machine is NaN or infinite. `parameter`, `index`: its place.
   GT_CODE_ROBOT_NOT_FINITE = 600,
-  // The magnitude of a number of a machine is outside `lower` to `upper`. `parameter`, `index`: its place.
+  // The magnitude of a number of a machine is outside `lower` to `upper`. `parameter`, `index`:
+  // its place.
   GT_CODE_ROBOT_OUT_OF_RANGE = 601,
   // The lower end of a travel is above its upper end. `parameter`, `index`: its place.
   GT_CODE_ROBOT_REVERSED = 602,
-  // The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R from the identity.
+  // The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R
+  // from the identity.
   GT_CODE_ORIENTATION_NOT_ROTATION = 700,
-  // The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: the difference, m.
+  // The Tau property is violated. `index`: the link that differs from the first of its cluster,
+  // `value`: the difference, m.
   GT_CODE_ORIENTATION_NOT_TAU = 701,
   // The gain is outside 0 to 1.
   GT_CODE_COMPENSATOR_GAIN = 800,
   // A limit is negative. `index`: axis.
   GT_CODE_COMPENSATOR_LIMIT = 801,
-  // metres_per_q is not finite or out of range. `index`: axis. Not returned by this interface, where a machine has checked it.
+  // metres_per_q is not finite or out of range. `index`: axis. Not returned by this interface,
+  // where a machine has checked it.
   GT_CODE_COMPENSATOR_METRES_PER_Q = 802,
   // An argument, or a number computed from it, is NaN or infinite.
   GT_CODE_KINEMATICS_NOT_FINITE = 900,
@@ -242,13 +257,16 @@ enum gt_code
   GT_CODE_KINEMATICS_UNREACHABLE = 901,
   // The links cannot meet for these positions of the carts.
   GT_CODE_KINEMATICS_NO_ASSEMBLY = 902,
-  // The pose exists only beyond a singularity. `index`: the arm on the other side of it, -1 for the tool.
+  // The pose exists only beyond a singularity. `index`: the arm on the other side of it, -1 for
+  // the tool.
   GT_CODE_KINEMATICS_OTHER_BRANCH = 903,
   // The pose is singular, or too close to it. `value`: the measure, 0 at the singularity.
   GT_CODE_KINEMATICS_SINGULAR = 904,
-  // An axis would leave its travel. `index`: axis, `value`: its position, `lower`, `upper`: its travel; q-units.
+  // An axis would leave its travel. `index`: axis, `value`: its position, `lower`, `upper`: its
+  // travel; q-units.
   GT_CODE_KINEMATICS_OUT_OF_RANGE = 905,
-  // The iteration did not converge. `iterations`: their number, `value`: largest error of a link's length, m.
+  // The iteration did not converge. `iterations`: their number, `value`: largest error of a
+  // link's length, m.
   GT_CODE_KINEMATICS_NOT_CONVERGED = 906,
   // The machine has no synchronised form: a tracker needs gt_f1_tracker_start_from.
   GT_CODE_KINEMATICS_SEED_REQUIRED = 907,
@@ -260,7 +278,8 @@ enum gt_code
   GT_CODE_SENSOR_OUT_OF_RANGE = 1001,
   // A component of a reading is NaN, infinite or beyond 1e6; the reading was not used.
   GT_CODE_SENSOR_BAD_READING = 1002,
-  // The state of a sensor is invalid. Not returned by this interface, where that state never comes from outside.
+  // The state of a sensor is invalid. Not returned by this interface, where that state never
+  // comes from outside.
   GT_CODE_SENSOR_INVALID_STATE = 1003,
   // The platform's rotation is not a rotation matrix.
   GT_CODE_SENSOR_PLATFORM_NOT_ROTATION = 1004,
@@ -374,7 +393,8 @@ enum gt_cause
   GT_CAUSE_FLOOD = 10,
   // No Command followed the Welcome in time.
   GT_CAUSE_HANDSHAKE_TIMEOUT = 11,
-  // Offsets were in force that the server did not expect: at its start, or after a refused write.
+  // Offsets were in force that the server did not expect: at its start, or after a refused
+  // write.
   GT_CAUSE_RESTART = 12,
   // A cause without a number of its own here.
   GT_CAUSE_OTHER = 255,
@@ -414,16 +434,19 @@ typedef int32_t gt_phase;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// A machine with six axes; its memory is the caller's, and no call changes it: threads may share it.
+// A machine with six axes; its memory is the caller's, and no call changes it: threads may share
+// it.
 typedef struct gt_f1 gt_f1;
 
 // A compensator of a machine with six axes; no call changes it: threads may share it.
 typedef struct gt_f1_compensator gt_f1_compensator;
 
-// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last one, which is kept inside.
+// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last
+// one, which is kept inside.
 typedef struct gt_f1_tracker gt_f1_tracker;
 
-// A machine with three axes; its memory is the caller's, and no call changes it: threads may share it.
+// A machine with three axes; its memory is the caller's, and no call changes it: threads may share
+// it.
 typedef struct gt_l2 gt_l2;
 
 // A compensator of a machine with three axes; no call changes it: threads may share it.
@@ -435,20 +458,24 @@ typedef struct gt_sensor gt_sensor;
 // A server; its memory is the caller's.
 typedef struct gt_server gt_server;
 
-// Compliances of a machine, and the share of its deflection that is corrected. Array entries beyond the machine's axes are not read.
+// Compliances of a machine, and the share of its deflection that is corrected. Array entries
+// beyond the machine's axes are not read.
 typedef struct gt_compensator_config {
   // Elongation of each link per newton of tension, m/N, link order; positive.
   double link_m_per_n[GT_LINKS];
-  // Displacement of each axis per unit of load, q-units (carts: m/N, plates: rad/(N m)); positive.
+  // Displacement of each axis per unit of load, q-units (carts: m/N, plates: rad/(N m));
+  // positive.
   double axis_per_n[GT_MAX_AXES];
   // Largest magnitude of each axis' offset, nm; 0 means 0.
   int32_t limits_nm[GT_MAX_AXES];
-  // Share of the computed displacement that is corrected, 0 to 1. Against a workpiece of stiffness K a measured load fed back is stable
-  // only while the estimated compliance stays below the machine's plus 1/K.
+  // Share of the computed displacement that is corrected, 0 to 1. Against a workpiece of
+  // stiffness K a measured load fed back is stable only while the estimated compliance stays
+  // below the machine's plus 1/K.
   double gain;
 } gt_compensator_config;
 
-// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.
+// Details of an error. The meaning of a field depends on the code; a field that the code does not
+// use is 0.
 typedef struct gt_error {
   // The code that the call returned, GT_CODE_OK included.
   gt_code code;
@@ -466,7 +493,8 @@ typedef struct gt_error {
   double upper;
 } gt_error;
 
-// A load on the platform, applied BY THE ENVIRONMENT TO THE PLATFORM; moment about the tool centre point.
+// A load on the platform, applied BY THE ENVIRONMENT TO THE PLATFORM; moment about the tool centre
+// point.
 typedef struct gt_wrench {
   // F, N; world axes.
   double force_n[3];
@@ -482,8 +510,9 @@ typedef struct gt_correction {
   uint8_t saturated[GT_MAX_AXES];
 } gt_correction;
 
-// Geometry of a machine with six axes. Joints on the plates: A_ij = C_i + q_i V_i + Q_i P_ij, where plate 2 is turned by
-// Rot(ax, sigma4 q4), plate 3 by Rot(ax, sigma5 q5) Rot(ax6, q6), plate 1 not at all. World axes, m.
+// Geometry of a machine with six axes. Joints on the plates: A_ij = C_i + q_i V_i + Q_i P_ij,
+// where plate 2 is turned by Rot(ax, sigma4 q4), plate 3 by Rot(ax, sigma5 q5) Rot(ax6, q6), plate
+// 1 not at all. World axes, m.
 typedef struct gt_f1_geometry {
   // C: origins of the carts' plates at q = 0.
   double carts_m[GT_ARMS][3];
@@ -507,7 +536,8 @@ typedef struct gt_f1_geometry {
   uint8_t has_travel;
   // Range of each q, lower and upper end, q-units; rad for the last three.
   double travel[6][2];
-  // Length of one unit of each q by the drives' count, m: |V_i| to a percent for a cart, the screw's law for a plate.
+  // Length of one unit of each q by the drives' count, m: |V_i| to a percent for a cart, the
+  // screw's law for a plate.
   double metres_per_q[6];
 } gt_f1_geometry;
 
@@ -527,7 +557,8 @@ typedef struct gt_solved {
   double residual_m;
 } gt_solved;
 
-// Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the platform B_ij = T + R b_ij. World axes, m.
+// Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the
+// platform B_ij = T + R b_ij. World axes, m.
 typedef struct gt_l2_geometry {
   // A0: joints on the carts at q = 0, link order.
   double cart_joints_m[GT_LINKS][3];
@@ -541,7 +572,8 @@ typedef struct gt_l2_geometry {
   double rotation[3][3];
   // Side of each guideway the links point to, sign(s_i . v_i): 1 or -1.
   int32_t inverse_branch[GT_ARMS];
-  // Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1): 1 or -1.
+  // Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1):
+  // 1 or -1.
   int32_t forward_branch;
   // 0: the travel of q is not checked.
   uint8_t has_travel;
@@ -557,7 +589,8 @@ typedef struct gt_sensor_config {
   double rotation[3][3];
   // p: from the tool centre point to the sensor's origin, platform axes, m; at most 10.
   double lever_m[3];
-  // G: weight of what the sensor carries, a force, world axes, N; at most 1e5. Zero where it is not known, and so is tared.
+  // G: weight of what the sensor carries, a force, world axes, N; at most 1e5. Zero where it is
+  // not known, and so is tared.
   double tool_weight_n[3];
   // c: from the tool centre point to its centre of gravity, platform axes, m; at most 10.
   double tool_centre_m[3];
@@ -594,7 +627,8 @@ typedef struct gt_axis_config {
   int64_t nominal_lower_nm;
   // Upper end.
   int64_t nominal_upper_nm;
-  // Range of the drive's reference, lower end, nm. At both ends at least position.max wider than the nominal range.
+  // Range of the drive's reference, lower end, nm. At both ends at least position.max wider than
+  // the nominal range.
   int64_t machine_lower_nm;
   // Upper end.
   int64_t machine_upper_nm;
@@ -604,19 +638,23 @@ typedef struct gt_axis_config {
 
 // Configuration of a server. gt_server_config_thesis fills one.
 typedef struct gt_server_config {
-  // Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are read.
+  // Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are
+  // read.
   uint32_t axes;
   // Number of motors, 1 to GT_MAX_MOTORS.
   uint32_t motors;
-  // Axis of each motor, counted from 0. Two motors on one cart have the same axis and always receive equal references.
+  // Axis of each motor, counted from 0. Two motors on one cart have the same axis and always
+  // receive equal references.
   uint8_t axis_of_motor[GT_MAX_MOTORS];
-  // GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: number of ticks kept before and after the end of a session.
+  // GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: number of ticks kept before and after the end of a
+  // session.
   uint32_t black_box_ticks;
   // Length of a cycle, us. Reported to the client; the library has no clock.
   uint32_t cycle_us;
   // Ticks that a granted session waits for its first Command; at least 1.
   uint32_t handshake_ticks;
-  // Checksum of the kinematic parameters, reported to the client: gt_l2_checksum, gt_f1_checksum, or 0.
+  // Checksum of the kinematic parameters, reported to the client: gt_l2_checksum,
+  // gt_f1_checksum, or 0.
   uint32_t kinematics_checksum;
   // Abilities of the server: 0, or 1 for lock-step. A client must have the same.
   uint16_t capabilities;
@@ -650,14 +688,16 @@ typedef struct gt_in_force {
 
 // State of the machine at the start of a server.
 typedef struct gt_start {
-  // Values in force at the drives, read back from them. Nonzero offsets ramp to zero before a session is granted.
+  // Values in force at the drives, read back from them. Nonzero offsets ramp to zero before a
+  // session is granted.
   struct gt_in_force in_force[GT_MAX_AXES];
-  // First epoch that may be granted. Epochs come from a counter in storage that survives a restart: reserve a range, write the
-  // counter back, then start the server.
+  // First epoch that may be granted. Epochs come from a counter in storage that survives a
+  // restart: reserve a range, write the counter back, then start the server.
   uint64_t first_epoch;
   // Last epoch of the range; below first_epoch for none. gt_server_set_epochs extends it.
   uint64_t last_epoch;
-  // Not 0: a stop was asserted before and has not been re-armed. The server then starts in GT_PHASE_FAULT.
+  // Not 0: a stop was asserted before and has not been re-armed. The server then starts in
+  // GT_PHASE_FAULT.
   uint8_t stop_latched;
 } gt_start;
 
@@ -681,21 +721,28 @@ typedef struct gt_actual {
   int16_t torque_permille;
 } gt_actual;
 
-// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm, last_write.
+// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm,
+// last_write.
 typedef struct gt_tick_input {
-  // Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts as 1.
+  // Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts
+  // as 1.
   uint32_t elapsed_cycles;
-  // GT_READING_DONE, or GT_READING_FAILED: then the server stops, and the last nominal references stand until the path comes back to them.
+  // GT_READING_DONE, or GT_READING_FAILED: then the server stops, and the last nominal
+  // references stand until the path comes back to them.
   uint8_t reading;
   // The stop at the machine: GT_RELEASED or GT_PRESSED.
   uint8_t stop;
-  // Not 0: the program is to end, which ramps as a stop does and latches nothing. Hold it until the program ends.
+  // Not 0: the program is to end, which ramps as a stop does and latches nothing. Hold it until
+  // the program ends.
   uint8_t quit;
-  // The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
+  // The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen
+  // released in Fault.
   uint8_t rearm;
-  // Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or GT_WRITE_UNKNOWN.
+  // Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or
+  // GT_WRITE_UNKNOWN.
   uint8_t last_write;
-  // Time from the departure of the last State to the arrival of the last Command, us; recorded only. 0 without a measurement.
+  // Time from the departure of the last State to the arrival of the last Command, us; recorded
+  // only. 0 without a measurement.
   uint16_t arrival_us;
   // Nominal references of this cycle, nm.
   int64_t nominal_nm[GT_MAX_AXES];
@@ -783,7 +830,8 @@ typedef struct gt_state {
 
 // Outputs of one tick.
 typedef struct gt_tick_output {
-  // Not 0: write `motors` to the drives. 0: the values in force at the drives are unknown, so nothing may be written.
+  // Not 0: write `motors` to the drives. 0: the values in force at the drives are unknown, so
+  // nothing may be written.
   uint8_t write;
   // Number of motors.
   uint32_t motor_count;
@@ -799,8 +847,8 @@ typedef struct gt_tick_output {
   uint64_t owner;
   // Cause of an end of a session, or of a stop, in this tick; GT_CAUSE_NONE without one.
   gt_cause ended;
-  // Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors are written; it is the `stop_latched` of
-  // the next start, in this process or a later one.
+  // Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors
+  // are written; it is the `stop_latched` of the next start, in this process or a later one.
   uint8_t latched;
   // State after the tick.
   struct gt_state state;
@@ -824,7 +872,8 @@ typedef struct gt_black_box {
   uint32_t ticks;
   // Parts of its file; 0 while no tick is recorded.
   uint32_t parts;
-  // Not 0: the end of a session has frozen it, GT_BLACK_BOX_TICKS ticks ago. It records again after gt_server_black_box_release.
+  // Not 0: the end of a session has frozen it, GT_BLACK_BOX_TICKS ticks ago. It records again
+  // after gt_server_black_box_release.
   uint8_t frozen;
 } gt_black_box;
 
@@ -832,18 +881,21 @@ typedef struct gt_black_box {
 extern "C" {
 #endif // __cplusplus
 
-// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other call.
+// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other
+// call.
 uint32_t gt_abi_version(void);
 
 // Returns the version of the library, such as "0.1.0": a static string, not to be freed.
 const char *gt_version(void);
 
-// Returns the name of a code, such as "GT_CODE_NULL_POINTER", or "GT_CODE_UNKNOWN": a static string, not to be freed.
+// Returns the name of a code, such as "GT_CODE_NULL_POINTER", or "GT_CODE_UNKNOWN": a static
+// string, not to be freed.
 const char *gt_code_name(int32_t code);
 
 // Makes a compensator of a machine in `memory`. The machine is copied.
 //
-// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_COMPENSATOR_SIZE bytes. `compensator`:
+// receives the handle.
 //
 // Errors: GT_CODE_MEMORY_TOO_SMALL, ROBOT_ (a compliance), COMPENSATOR_: the first found.
 gt_code gt_l2_compensator_init(void *memory,
@@ -853,8 +905,8 @@ gt_code gt_l2_compensator_init(void *memory,
                                struct gt_l2_compensator **compensator,
                                struct gt_error *error);
 
-// One cycle: offsets that hold the tool where the nominal positions put it, under `load`; to first order, at constant cost.
-// For any load the result is within the limits, or an error.
+// One cycle: offsets that hold the tool where the nominal positions put it, under `load`; to first
+// order, at constant cost. For any load the result is within the limits, or an error.
 //
 // Errors: KINEMATICS_: as gt_l2_forward and gt_l2_inverse.
 //
@@ -864,8 +916,8 @@ gt_code gt_l2_correction(const struct gt_l2_compensator *compensator,
                          struct gt_correction *correction,
                          struct gt_error *error);
 
-// As gt_l2_correction, by the exact map, for large deflections with rotation of the platform. At most 10 rounds, each with
-// two solves of six equations.
+// As gt_l2_correction, by the exact map, for large deflections with rotation of the platform. At
+// most 10 rounds, each with two solves of six equations.
 //
 // Errors: KINEMATICS_: as gt_l2_forward; SINGULAR, NOT_CONVERGED, NOT_FINITE.
 //
@@ -877,7 +929,8 @@ gt_code gt_l2_exact_correction(const struct gt_l2_compensator *compensator,
 
 // Makes a compensator of a machine in `memory`. The machine is copied.
 //
-// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_COMPENSATOR_SIZE bytes. `compensator`: receives the handle.
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_COMPENSATOR_SIZE bytes. `compensator`:
+// receives the handle.
 //
 // Errors: GT_CODE_MEMORY_TOO_SMALL, ROBOT_ (a compliance), COMPENSATOR_: the first found.
 gt_code gt_f1_compensator_init(void *memory,
@@ -887,11 +940,13 @@ gt_code gt_f1_compensator_init(void *memory,
                                struct gt_f1_compensator **compensator,
                                struct gt_error *error);
 
-// One cycle: offsets that hold the pose of the nominal positions under `load`; to first order. The pose is found by `tracker`, which is
-// one of the same machine. For any load the result is within the limits, or an error.
+// One cycle: offsets that hold the pose of the nominal positions under `load`; to first order. The
+// pose is found by `tracker`, which is one of the same machine. For any load the result is within
+// the limits, or an error.
 //
-// Errors: KINEMATICS_: as gt_f1_tracker_pose and gt_f1_inverse. After an error of the correction itself the tracker has the pose found;
-// after one of the tracking it is as after gt_f1_tracker_pose.
+// Errors: KINEMATICS_: as gt_f1_tracker_pose and gt_f1_inverse. After an error of the correction
+// itself the tracker has the pose found; after one of the tracking it is as after
+// gt_f1_tracker_pose.
 //
 gt_code gt_f1_correction(const struct gt_f1_compensator *compensator,
                          struct gt_f1_tracker *tracker,
@@ -913,9 +968,11 @@ gt_code gt_f1_exact_correction(const struct gt_f1_compensator *compensator,
 
 // Makes a machine in `memory`: checks every number, once.
 //
-// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_SIZE bytes. `machine`: receives the handle.
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_SIZE bytes. `machine`: receives the
+// handle.
 //
-// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (indices 3 and 4: turn_signs), those of ROBOT_: the first found.
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (indices 3 and 4: turn_signs), those of ROBOT_:
+// the first found.
 gt_code gt_f1_init(void *memory,
                    size_t size,
                    const struct gt_f1_geometry *geometry,
@@ -925,12 +982,13 @@ gt_code gt_f1_init(void *memory,
 // Returns the CRC-32 over the kinematic parameters, as gt_l2_checksum.
 gt_code gt_f1_checksum(const struct gt_f1 *machine, uint32_t *checksum);
 
-// Inverse kinematics: positions (nm, rounded) for a pose.
-// `near_nm`: positions from which the search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
+// Inverse kinematics: positions (nm, rounded) for a pose. `near_nm`: positions from which the
+// search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
 // Bounded: at most 10 linear solves of each cluster, fewer from near positions.
 //
-// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a
-// position of 2^53 nm or more. `positions_nm` is then not written.
+// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH,
+// NOT_FINITE; CROSSING_OUT_OF_RANGE: a position of 2^53 nm or more. `positions_nm` is then not
+// written.
 //
 gt_code gt_f1_inverse(const struct gt_f1 *machine,
                       const struct gt_pose *pose,
@@ -939,8 +997,9 @@ gt_code gt_f1_inverse(const struct gt_f1 *machine,
                       struct gt_solved *solved,
                       struct gt_error *error);
 
-// The Jacobian: the platform's twist (translation over rotation, world axes) per axis, 36 numbers row by row; m and rad per q-unit.
-// `pose` and positions_nm belong together (gt_f1_inverse, gt_f1_tracker_pose); that is not checked.
+// The Jacobian: the platform's twist (translation over rotation, world axes) per axis, 36 numbers
+// row by row; m and rad per q-unit. `pose` and positions_nm belong together (gt_f1_inverse,
+// gt_f1_tracker_pose); that is not checked.
 //
 // Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 //
@@ -950,8 +1009,8 @@ gt_code gt_f1_jacobian(const struct gt_f1 *machine,
                        double jacobian[36],
                        struct gt_error *error);
 
-// Statics: tensions of the links (N, link order) and loads on the axes (N times m per q-unit, N m for plates; positive along +q).
-// `pose` and positions_nm belong together; that is not checked.
+// Statics: tensions of the links (N, link order) and loads on the axes (N times m per q-unit, N m
+// for plates; positive along +q). `pose` and positions_nm belong together; that is not checked.
 //
 // Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 //
@@ -965,7 +1024,8 @@ gt_code gt_f1_statics(const struct gt_f1 *machine,
 
 // Makes a tracker of a machine in `memory`, without a last pose. The machine is copied.
 //
-// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_TRACKER_SIZE bytes. `tracker`: receives the handle.
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_TRACKER_SIZE bytes. `tracker`: receives
+// the handle.
 //
 // Errors: GT_CODE_MEMORY_TOO_SMALL.
 gt_code gt_f1_tracker_init(void *memory,
@@ -974,12 +1034,14 @@ gt_code gt_f1_tracker_init(void *memory,
                            struct gt_f1_tracker **tracker,
                            struct gt_error *error);
 
-// Forward kinematics: the pose for positions in nm, found from the tracker's last pose by at most 2 linear solves, enough at 1 m/s and
-// 1 kHz. One attempt per call: after an error, where the last pose stays, the next call makes up to 10 solves from it, the one after
-// that up to 10 from the synchronised form, and so in turn until one succeeds. `solved` may be null.
+// Forward kinematics: the pose for positions in nm, found from the tracker's last pose by at most
+// 2 linear solves, enough at 1 m/s and 1 kHz. One attempt per call: after an error, where the last
+// pose stays, the next call makes up to 10 solves from it, the one after that up to 10 from the
+// synchronised form, and so in turn until one succeeds. `solved` may be null.
 //
-// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no
-// synchronised form, so gt_f1_tracker_start_from must be called first.
+// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH,
+// NOT_FINITE; SEED_REQUIRED: the machine has no synchronised form, so gt_f1_tracker_start_from
+// must be called first.
 //
 gt_code gt_f1_tracker_pose(struct gt_f1_tracker *tracker,
                            const int64_t positions_nm[6],
@@ -987,39 +1049,41 @@ gt_code gt_f1_tracker_pose(struct gt_f1_tracker *tracker,
                            struct gt_solved *solved,
                            struct gt_error *error);
 
-// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form. The pose is not
-// checked: from one that is not finite or far away the next calls are errors.
-gt_code gt_f1_tracker_start_from(struct gt_f1_tracker *tracker,
-                                 const struct gt_pose *pose);
+// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the
+// synchronised form. The pose is not checked: from one that is not finite or far away the next
+// calls are errors.
+gt_code gt_f1_tracker_start_from(struct gt_f1_tracker *tracker, const struct gt_pose *pose);
 
 // Makes a machine in `memory`: checks every number and the Tau property, once.
 //
-// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the handle.
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the
+// handle.
 //
-// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and ORIENTATION_: the first found.
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and
+// ORIENTATION_: the first found.
 gt_code gt_l2_init(void *memory,
                    size_t size,
                    const struct gt_l2_geometry *geometry,
                    struct gt_l2 **machine,
                    struct gt_error *error);
 
-// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for kinematics_checksum of a server; the client
-// compares it with its own.
-gt_code gt_l2_checksum(const struct gt_l2 *machine,
-                       uint32_t *checksum);
+// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for
+// kinematics_checksum of a server; the client compares it with its own.
+gt_code gt_l2_checksum(const struct gt_l2 *machine, uint32_t *checksum);
 
-// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's
-// side of the carts' plane. Closed form, constant cost.
+// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes,
+// m), for a tool on the machine's side of the carts' plane. Closed form, constant cost.
 //
-// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a position of
-// 2^53 nm or more. `positions_nm` is then not written.
+// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE;
+// CROSSING_OUT_OF_RANGE: a position of 2^53 nm or more. `positions_nm` is then not written.
 //
 gt_code gt_l2_inverse(const struct gt_l2 *machine,
                       const double tcp_m[3],
                       int64_t positions_nm[3],
                       struct gt_error *error);
 
-// Forward kinematics: position of the tool centre point (world axes, m) for positions in nm. Closed form, constant cost.
+// Forward kinematics: position of the tool centre point (world axes, m) for positions in nm.
+// Closed form, constant cost.
 //
 // Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH.
 //
@@ -1034,8 +1098,9 @@ gt_code gt_l2_forward(const struct gt_l2 *machine,
 //
 gt_code gt_l2_jacobian(const struct gt_l2 *machine, const double tcp_m[3], double jacobian[9], struct gt_error *error);
 
-// Statics: tensions of the links (N, link order) and loads on the carts (N times m per q-unit, positive along +q), under a load.
-// tcp_m and positions_nm belong together (gt_l2_inverse, gt_l2_forward); that is not checked.
+// Statics: tensions of the links (N, link order) and loads on the carts (N times m per q-unit,
+// positive along +q), under a load. tcp_m and positions_nm belong together (gt_l2_inverse,
+// gt_l2_forward); that is not checked.
 //
 // Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 //
@@ -1047,28 +1112,33 @@ gt_code gt_l2_statics(const struct gt_l2 *machine,
                       double cart_loads[3],
                       struct gt_error *error);
 
-// Converts a length to whole nanometres, rounded half away from zero. The only conversion from floats to references.
+// Converts a length to whole nanometres, rounded half away from zero. The only conversion from
+// floats to references.
 //
 // Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
 gt_code gt_position_from_metres(double metres, int64_t *position_nm, struct gt_error *error);
 
 // Makes a sensor in `memory`; it starts with its tare.
 //
-// `memory`, `size`: aligned to GT_ALIGN, at least GT_SENSOR_SIZE bytes. `sensor`: receives the handle.
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_SENSOR_SIZE bytes. `sensor`: receives the
+// handle.
 //
-// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_SENSOR_NOT_ROTATION, GT_CODE_SENSOR_OUT_OF_RANGE: the first found.
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_SENSOR_NOT_ROTATION, GT_CODE_SENSOR_OUT_OF_RANGE: the
+// first found.
 gt_code gt_sensor_init(void *memory,
                        size_t size,
                        const struct gt_sensor_config *config,
                        struct gt_sensor **sensor,
                        struct gt_error *error);
 
-// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle, with the platform in `pose`, of which only the rotation is
-// read: of an L2 it is constant, of an F1 see gt_f1_tracker_pose.
-// `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
-// the tool centre point, filtered, otherwise zeros. Constant cost.
+// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle, with the platform
+// in `pose`, of which only the rotation is read: of an L2 it is constant, of an F1 see
+// gt_f1_tracker_pose. `taring` receives the samples that the tare still needs; when it is 0,
+// `load` receives the load on the platform, world axes, about the tool centre point, filtered,
+// otherwise zeros. Constant cost.
 //
-// Errors: GT_CODE_SENSOR_BAD_READING, GT_CODE_SENSOR_PLATFORM_NOT_ROTATION; the sensor is then unchanged.
+// Errors: GT_CODE_SENSOR_BAD_READING, GT_CODE_SENSOR_PLATFORM_NOT_ROTATION; the sensor is then
+// unchanged.
 gt_code gt_sensor_update(struct gt_sensor *sensor,
                          const struct gt_wrench *raw,
                          const struct gt_pose *pose,
@@ -1078,30 +1148,30 @@ gt_code gt_sensor_update(struct gt_sensor *sensor,
 // Starts again with the tare, the filter at zero. The tool must be unloaded.
 gt_code gt_sensor_restart(struct gt_sensor *sensor);
 
-// Fills a configuration with the profile of the thesis: 1 kHz, one lost Command tolerated, position offsets of at most 2 mm that change
-// by at most 5 um per tick and go back to zero by 0.1 um per tick, no velocity or torque offsets, one motor per axis, no black box.
-// Travel and nominal_step_nm are 0 and must be set: no machine is assumed. `axes`: 3 or 6.
+// Fills a configuration with the profile of the thesis: 1 kHz, one lost Command tolerated,
+// position offsets of at most 2 mm that change by at most 5 um per tick and go back to zero by 0.1
+// um per tick, no velocity or torque offsets, one motor per axis, no black box. Travel and
+// nominal_step_nm are 0 and must be set: no machine is assumed. `axes`: 3 or 6.
 //
 // Errors: GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_CONFIG_AXES.
-gt_code gt_server_config_thesis(struct gt_server_config *config,
-                                uint32_t axes);
+gt_code gt_server_config_thesis(struct gt_server_config *config, uint32_t axes);
 
-// Checks a configuration, and returns the bytes that its server needs on this target, at most GT_SERVER_SIZE_6_BLACK_BOX.
-// `size` may be null.
+// Checks a configuration, and returns the bytes that its server needs on this target, at most
+// GT_SERVER_SIZE_6_BLACK_BOX. `size` may be null.
 //
-// Errors: GT_CODE_BLACK_BOX, GT_CODE_MOTOR_COUNT, those of LIMITS_, CONFIG_ and MOTOR_MAP: the first found.
-gt_code gt_server_config_check(const struct gt_server_config *config,
-                               size_t *size,
-                               struct gt_error *error);
+// Errors: GT_CODE_BLACK_BOX, GT_CODE_MOTOR_COUNT, those of LIMITS_, CONFIG_ and MOTOR_MAP: the
+// first found.
+gt_code gt_server_config_check(const struct gt_server_config *config, size_t *size, struct gt_error *error);
 
-// Creates a server in `memory`, without connections. Offsets in force start in GT_PHASE_SAFE_DISCONNECT, a latched stop in GT_PHASE_FAULT.
-// Nothing is to be freed: memory of a server that is no longer used can be used again.
+// Creates a server in `memory`, without connections. Offsets in force start in
+// GT_PHASE_SAFE_DISCONNECT, a latched stop in GT_PHASE_FAULT. Nothing is to be freed: memory of a
+// server that is no longer used can be used again.
 //
-// `memory`, `size`: aligned to GT_ALIGN (GT_MEMORY, malloc), at least GT_SERVER_SIZE_... bytes; its contents are overwritten.
-// `server`: receives the handle, which points into `memory`.
+// `memory`, `size`: aligned to GT_ALIGN (GT_MEMORY, malloc), at least GT_SERVER_SIZE_... bytes;
+// its contents are overwritten. `server`: receives the handle, which points into `memory`.
 //
-// Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED, GT_CODE_START_OFFSET_IN_FORCE.
-// After an error do not use a server that was in the memory before.
+// Errors: those of gt_server_config_check; GT_CODE_MEMORY_TOO_SMALL, GT_CODE_MISALIGNED,
+// GT_CODE_START_OFFSET_IN_FORCE. After an error do not use a server that was in the memory before.
 gt_code gt_server_init(void *memory,
                        size_t size,
                        const struct gt_server_config *config,
@@ -1109,22 +1179,25 @@ gt_code gt_server_init(void *memory,
                        struct gt_server **server,
                        struct gt_error *error);
 
-// Registers a connection that the caller has accepted. `transport`: GT_TRANSPORT_STREAM or GT_TRANSPORT_DATAGRAM.
-// `connection` receives its number, which is never given twice.
+// Registers a connection that the caller has accepted. `transport`: GT_TRANSPORT_STREAM or
+// GT_TRANSPORT_DATAGRAM. `connection` receives its number, which is never given twice.
 //
-// Errors: GT_CODE_TRANSPORT; GT_CODE_FULL: GT_MAX_CONNECTIONS are open, send gt_server_refusal and close.
+// Errors: GT_CODE_TRANSPORT; GT_CODE_FULL: GT_MAX_CONNECTIONS are open, send gt_server_refusal and
+// close.
 gt_code gt_server_open(struct gt_server *server, uint32_t transport, uint64_t *connection);
 
-// Returns the frame for a peer without room for its connection; the frame's `connection` has no meaning.
+// Returns the frame for a peer without room for its connection; the frame's `connection` has no
+// meaning.
 gt_code gt_server_refusal(struct gt_frame *frame);
 
-// Takes note that a connection is gone: closed by its peer, reset, or because a frame could not be written to it whole.
-// A connection that is not open is ignored.
+// Takes note that a connection is gone: closed by its peer, reset, or because a frame could not be
+// written to it whole. A connection that is not open is ignored.
 gt_code gt_server_close(struct gt_server *server, uint64_t connection);
 
-// Takes bytes that were read from a connection: for a stream any piece of it, for datagrams exactly one.
-// The work is bounded by `length`. Frames beyond a connection's budget per tick are not read (8 of the owner: a ninth ends
-// the session; 1 of others: they are closed). A connection that is not open is ignored.
+// Takes bytes that were read from a connection: for a stream any piece of it, for datagrams
+// exactly one. The work is bounded by `length`. Frames beyond a connection's budget per tick are
+// not read (8 of the owner: a ninth ends the session; 1 of others: they are closed). A connection
+// that is not open is ignored.
 //
 // `frames` receives the number of frames of this connection in the coming tick; it may be null.
 gt_code gt_server_feed(struct gt_server *server,
@@ -1133,31 +1206,37 @@ gt_code gt_server_feed(struct gt_server *server,
                        size_t length,
                        uint8_t *frames);
 
-// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that answers the last State, or an event
-// of the owner that ends the session), else 0.
-gt_code gt_server_owner_has_answered(struct gt_server *server,
-                                     uint8_t *answered);
+// Lock-step: `answered` receives 1 if the coming tick has what it waits for (a Command that
+// answers the last State, or an event of the owner that ends the session), else 0.
+gt_code gt_server_owner_has_answered(struct gt_server *server, uint8_t *answered);
 
-// Replaces the epochs that may be granted: a further range, reserved in storage. An epoch is never granted twice.
+// Replaces the epochs that may be granted: a further range, reserved in storage. An epoch is never
+// granted twice.
 gt_code gt_server_set_epochs(struct gt_server *server, uint64_t first, uint64_t last);
 
-// Runs one cycle on everything that was fed since the last tick. Its work is bounded, whatever arrived: no allocation, no lock, no clock.
+// Runs one cycle on everything that was fed since the last tick. Its work is bounded for
+// any input: no allocation, no lock, no clock.
 //
-// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0; then send what gt_server_poll_transmit
-// returns; then close what gt_server_poll_close returns. Drives need a watchdog for the case that no tick comes.
+// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0;
+// then send what gt_server_poll_transmit returns; then close what gt_server_poll_close returns.
+// Drives need a watchdog for the case that no tick comes.
 //
-// The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not stand at what gt_start says is in force.
+// The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not
+// stand at what gt_start says is in force.
 //
-// Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its values, and `error` says which;
-// GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. After an error nothing has changed.
+// Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its
+// values, and `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+// After an error nothing has changed.
 gt_code gt_server_tick(struct gt_server *server,
                        const struct gt_tick_input *input,
                        struct gt_tick_output *output,
                        struct gt_error *error);
 
-// Returns the references of a cycle in which no tick is run, for a thread that calls in a burst after a delay: the offsets of the last tick on
-// the nominal references of this cycle, within the machine's travel. If one of them is further from that of the last tick than its limit in
-// `elapsed_cycles` cycles, all of them stay. Nothing changes: the next tick counts the cycle in its own `elapsed_cycles`.
+// Returns the references of a cycle in which no tick is run, for a thread that calls in a burst
+// after a delay: the offsets of the last tick on the nominal references of this cycle, within the
+// machine's travel. If one of them is further from that of the last tick than its limit in
+// `elapsed_cycles` cycles, all of them stay. Nothing changes: the next tick counts the cycle in
+// its own `elapsed_cycles`.
 //
 // Of `input`, `elapsed_cycles` and `nominal_nm` are read.
 //
@@ -1167,37 +1246,38 @@ gt_code gt_server_hold(struct gt_server *server,
                        struct gt_held *output,
                        struct gt_error *error);
 
-// Takes note that the drives did not take the references of the last tick: its State then reports the values that are still in force.
-// Call it before gt_server_poll_transmit. `last_write` tells the next tick; GT_WRITE_ACCEPTED is then taken for GT_WRITE_UNKNOWN.
+// Takes note that the drives did not take the references of the last tick: its State then reports
+// the values that are still in force. Call it before gt_server_poll_transmit. `last_write` tells
+// the next tick; GT_WRITE_ACCEPTED is then taken for GT_WRITE_UNKNOWN.
 gt_code gt_server_write_refused(struct gt_server *server);
 
-// `at_zero` receives 1 if the drives took references without offsets in the last tick, so that the program may end; else 0. After a refused
-// write it is 0, whatever was in force before: the drives may have taken a part of it.
-gt_code gt_server_is_at_zero(struct gt_server *server,
-                             uint8_t *at_zero);
+// `at_zero` receives 1 if the drives took references without offsets in the last tick, so that the
+// program may end; else 0. After a refused write it is 0 for any values in force before: the drives
+// may have taken a part of it.
+gt_code gt_server_is_at_zero(struct gt_server *server, uint8_t *at_zero);
 
-// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals, the Welcome, the State.
-// Frames that are not polled before the next tick are discarded.
+// Returns the next frame of the last tick, in the order in which they are to be sent: Refusals,
+// the Welcome, the State. Frames that are not polled before the next tick are discarded.
 //
 // Errors: GT_CODE_DONE after the last one.
 gt_code gt_server_poll_transmit(struct gt_server *server, struct gt_frame *frame);
 
-// Returns the next connection to close, after its frames are sent. Poll the frames first. A connection that is not polled keeps its
-// place among GT_MAX_CONNECTIONS.
+// Returns the next connection to close, after its frames are sent. Poll the frames first. A
+// connection that is not polled keeps its place among GT_MAX_CONNECTIONS.
 //
 // Errors: GT_CODE_DONE after the last one.
-gt_code gt_server_poll_close(struct gt_server *server,
-                             uint64_t *connection);
+gt_code gt_server_poll_close(struct gt_server *server, uint64_t *connection);
 
 // Returns the contents of the black box. Without one: 0 ticks, never frozen.
 gt_code gt_server_black_box(struct gt_server *server, struct gt_black_box *black_box);
 
-// Writes part `index` of the black box as a file, 0 to `parts` - 1 of gt_black_box. All parts in order are a file that
-// `gantry-tau replay` runs again, bit for bit. A frozen box does not change, so a program can write a part per cycle; a box
-// that still records is to be read as a whole between two ticks.
+// Writes part `index` of the black box as a file, 0 to `parts` - 1 of gt_black_box. All parts in
+// order are a file that `gantry-tau replay` runs again, bit for bit. A frozen box does not change,
+// so a program can write a part per cycle; a box that still records is to be read as a whole
+// between two ticks.
 //
-// `buffer`, `size`: initialised memory, GT_BLACK_BOX_PART bytes at most; null with size 0 to ask for the length.
-// `length`: receives the length of the part, whether it fits or not.
+// `buffer`, `size`: initialised memory, GT_BLACK_BOX_PART bytes at most; null with size 0 to ask
+// for the length. `length`: receives the length of the part, whether it fits or not.
 //
 // Errors: GT_CODE_INDEX; GT_CODE_BUFFER_TOO_SMALL: the buffer has the beginning of the part.
 gt_code gt_server_black_box_part(struct gt_server *server,
@@ -1206,14 +1286,14 @@ gt_code gt_server_black_box_part(struct gt_server *server,
                                  size_t size,
                                  size_t *length);
 
-// Clears the black box and records again: after its parts are written, and when a new session was granted.
+// Clears the black box and records again: after its parts are written, and when a new session was
+// granted.
 gt_code gt_server_black_box_release(struct gt_server *server);
 
-// `hello` receives 1 if a datagram asks for a session, else 0. Only such a datagram makes its sender a connection (gt_server_open):
-// anything else from an address without one is dropped, and not answered.
-gt_code gt_datagram_is_hello(const uint8_t *datagram,
-                             size_t length,
-                             uint8_t *hello);
+// `hello` receives 1 if a datagram asks for a session, else 0. Only such a datagram makes its
+// sender a connection (gt_server_open): anything else from an address without one is dropped, and
+// not answered.
+gt_code gt_datagram_is_hello(const uint8_t *datagram, size_t length, uint8_t *hello);
 
 #ifdef __cplusplus
 }  // extern "C"

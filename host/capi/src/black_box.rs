@@ -1,7 +1,9 @@
-//! The black box as a file of parts, one at a time into the caller's buffer: a head, the session before the oldest tick, the ticks.
+//! The black box as a file of parts, one at a time into the caller's buffer: a head, the session
+//! before the oldest tick, the ticks.
 //!
-//! Head: `GTBB`, version 4, number of axes, number of ticks (`u32`, little-endian). Every other part: its length (`u32`,
-//! little-endian), then core's types as `postcard` writes them. `gantry-tau replay` reads the file.
+//! Head: `GTBB`, version 4, number of axes, number of ticks (`u32`, little-endian). Every other
+//! part: its length (`u32`, little-endian), then core's types as `postcard` writes them.
+//! `gantry-tau replay` reads the file.
 
 use gantry_tau_core::control::session::BlackBox;
 use postcard::ser_flavors::Flavor;
@@ -10,6 +12,7 @@ use serde::Serialize;
 use crate::code::gt_code;
 use crate::error::small;
 use crate::memory::Reply;
+use crate::padding::padded;
 
 /// Longest part of a black box, bytes.
 pub const GT_BLACK_BOX_PART: usize = 4_096;
@@ -29,15 +32,30 @@ pub struct gt_black_box {
     pub ticks: u32,
     /// Parts of its file; 0 while no tick is recorded.
     pub parts: u32,
-    /// Not 0: the end of a session has frozen it, GT_BLACK_BOX_TICKS ticks ago. It records again after gt_server_black_box_release.
+    /// Not 0: the end of a session has frozen it, GT_BLACK_BOX_TICKS ticks ago. It records again
+    /// after gt_server_black_box_release.
     pub frozen: u8,
 }
 
+padded! {
+    gt_black_box { ticks parts frozen }
+}
+
 /// Returns the contents of a black box.
-pub(crate) fn look<const N: usize, const TICKS: usize>(black_box: &BlackBox<N, TICKS>) -> gt_black_box {
+pub(crate) fn look<const N: usize, const TICKS: usize>(
+    black_box: &BlackBox<N, TICKS>,
+) -> gt_black_box {
     let ticks = black_box.entries().count();
-    let parts = if ticks == 0 { 0 } else { ticks.saturating_add(HEAD) };
-    gt_black_box { ticks: small(ticks), parts: small(parts), frozen: black_box.is_frozen().into() }
+    let parts = if ticks == 0 {
+        0
+    } else {
+        ticks.saturating_add(HEAD)
+    };
+    gt_black_box {
+        ticks: small(ticks),
+        parts: small(parts),
+        frozen: black_box.is_frozen().into(),
+    }
 }
 
 /// Writes one part of the file. Returns its length, whether it fits or not.
@@ -47,7 +65,10 @@ pub(crate) fn write_part<const N: usize, const TICKS: usize>(
     room: &mut [u8],
 ) -> Reply<usize> {
     let ticks = black_box.entries().count();
-    let before = black_box.before().filter(|_| ticks > 0).ok_or(gt_code::Index)?;
+    let before = black_box
+        .before()
+        .filter(|_| ticks > 0)
+        .ok_or(gt_code::Index)?;
     match index {
         0 => {
             let mut part = Part::new(room, 0);
@@ -57,7 +78,13 @@ pub(crate) fn write_part<const N: usize, const TICKS: usize>(
             Ok(part.length)
         }
         1 => sized(before, room),
-        _ => sized(black_box.entries().nth(index.saturating_sub(HEAD)).ok_or(gt_code::Index)?, room),
+        _ => sized(
+            black_box
+                .entries()
+                .nth(index.saturating_sub(HEAD))
+                .ok_or(gt_code::Index)?,
+            room,
+        ),
     }
 }
 
@@ -115,32 +142,54 @@ mod tests {
     use gantry_tau_core::control::message::{ClientMessage, Command, Hello, Mode};
     use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
     use gantry_tau_core::control::session::{
-        Connection, Entry, Event, Input, LastWrite, Output, Reading, Session, Start, TickInput, recorder,
+        Connection, Entry, Event, Input, LastWrite, Output, Reading, Session, Start, TickInput,
+        recorder,
     };
     use gantry_tau_core::units::{
         Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
     };
 
     const FAR: PositionNm = PositionNm(i64::MIN);
-    const OFFSETS: Offsets =
-        Offsets { position: OffsetNm(i32::MIN), velocity: VelocityUmS(i32::MIN), torque: TorquePermille(i16::MIN) };
+    const OFFSETS: Offsets = Offsets {
+        position: OffsetNm(i32::MIN),
+        velocity: VelocityUmS(i32::MIN),
+        torque: TorquePermille(i16::MIN),
+    };
 
     /// Numbers as long as they can be, and full lists.
     fn longest_input() -> Input<6> {
         let most = Epoch(u64::MAX);
-        let mut input = Input::empty(EpochRange { first: most, last: most });
+        let mut input = Input::empty(EpochRange {
+            first: most,
+            last: most,
+        });
         input.tick = TickInput {
             elapsed_cycles: u32::MAX,
             reading: Some(Reading {
                 nominal: [FAR; 6],
-                actual: [Actual { position: FAR, velocity: OFFSETS.velocity, torque: OFFSETS.torque }; 6],
+                actual: [Actual {
+                    position: FAR,
+                    velocity: OFFSETS.velocity,
+                    torque: OFFSETS.torque,
+                }; 6],
             }),
-            last_write: LastWrite::Refused { in_force: [InForce { nominal: FAR, offsets: OFFSETS }; 6] },
+            last_write: LastWrite::Refused {
+                in_force: [InForce {
+                    nominal: FAR,
+                    offsets: OFFSETS,
+                }; 6],
+            },
             arrival_us: u16::MAX,
             ..input.tick
         };
         let (sequence, echo) = (Sequence(u64::MAX), Tick(u64::MAX));
-        let command = Command { epoch: most, sequence, echo, mode: Mode::Submit, targets: [OFFSETS; 6] };
+        let command = Command {
+            epoch: most,
+            sequence,
+            echo,
+            mode: Mode::Submit,
+            targets: [OFFSETS; 6],
+        };
         let event = Event::Message(ClientMessage::Command(command));
         while input.events.push((Connection(u64::MAX), event)).is_ok() {}
         input
@@ -152,7 +201,10 @@ mod tests {
         let config = Config::new(Parameters::thesis([axis; 6])).unwrap();
         let mut session = Session::new(config, &Start::at_rest([PositionNm(0); 6])).unwrap();
         let mut input = Input::empty(EpochRange::VOLATILE);
-        let hello = ClientMessage::Hello(Hello { axes: 0, capabilities: Default::default() });
+        let hello = ClientMessage::Hello(Hello {
+            axes: 0,
+            capabilities: Default::default(),
+        });
         for number in 0..16 {
             let event = (Connection(u64::MAX - number), Event::Message(hello));
             input.events.push(event).unwrap();
@@ -162,11 +214,17 @@ mod tests {
 
     #[test]
     fn no_part_is_longer_than_the_header_says() {
-        let entry = recorder::Entry { input: longest_input(), output: output() };
+        let entry = recorder::Entry {
+            input: longest_input(),
+            output: output(),
+        };
         let mut room = [0; GT_BLACK_BOX_PART];
         let length = sized(&entry, &mut room).unwrap();
         assert!(length < GT_BLACK_BOX_PART, "{length}");
-        assert!(length > GT_BLACK_BOX_PART / 3, "{length}: the bound is too wide");
+        assert!(
+            length > GT_BLACK_BOX_PART / 3,
+            "{length}: the bound is too wide"
+        );
         let read: Entry<6> = postcard::from_bytes(&room[LENGTH..length]).unwrap();
         assert_eq!(read, entry);
     }

@@ -2,7 +2,10 @@
 
 use core::ffi::{CStr, c_char};
 
-/// Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and motors count from 0.
+use crate::padding::without_padding;
+
+/// Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and
+/// motors count from 0.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum gt_code {
@@ -27,12 +30,14 @@ pub enum gt_code {
     Transport = 8,
     /// The number of motors is not 1 to GT_MAX_MOTORS. `value`: the refused number.
     MotorCount = 9,
-    /// black_box_ticks is neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused number.
+    /// black_box_ticks is neither GT_BLACK_BOX_NONE nor GT_BLACK_BOX_TICKS. `value`: the refused
+    /// number.
     BlackBox = 10,
     /// A branch or a sign is neither 1 nor -1. `index`: its number.
     Branch = 11,
-    /// A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`: GT_PARAMETER_STOP, GT_PARAMETER_REARM or
-    /// GT_PARAMETER_LAST_WRITE, `value`: the refused number.
+    /// A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`:
+    /// GT_PARAMETER_STOP, GT_PARAMETER_REARM or GT_PARAMETER_LAST_WRITE, `value`: the refused
+    /// number.
     TickInput = 12,
     /// All frames or connections have been polled: the end of a loop, not an error.
     Done = 13,
@@ -45,7 +50,8 @@ pub enum gt_code {
     LimitsRampNotPositive = 101,
     /// rho of a channel is above S. `index`: axis, `parameter`: channel, `value`: rho, `upper`: S.
     LimitsRampAboveStep = 102,
-    /// A of a channel is below S + rho. `index`: axis, `parameter`: channel, `value`: A, `lower`: S + rho.
+    /// A of a channel is below S + rho. `index`: axis, `parameter`: channel, `value`: A, `lower`: S
+    /// + rho.
     LimitsAccelTooSmall = 103,
 
     /// The number of axes is neither 3 nor 6. `value`: the refused number.
@@ -58,17 +64,20 @@ pub enum gt_code {
     ConfigTorqueMax = 203,
     /// A travel has its ends reversed, or beyond 2^61 nm. `index`: axis.
     ConfigTravel = 204,
-    /// The nominal travel is less than M of the position channel inside the machine's travel. `index`: axis.
+    /// The nominal travel is less than M of the position channel inside the machine's travel.
+    /// `index`: axis.
     ConfigMargin = 205,
 
-    /// An offset in force is beyond its limits: the server must not start.
-    /// `index`: axis, `value`: its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
+    /// An offset in force is beyond its limits: the server must not start. `index`: axis, `value`:
+    /// its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
     StartOffsetInForce = 300,
-    /// The first tick has no reading, or an axis stands further than GT_START_WINDOW_NM from what gt_start says is in force. Nothing may be written.
-    /// `index`: axis, or -1 without a reading, `value`: distance, nm.
+    /// The first tick has no reading, or an axis stands further than GT_START_WINDOW_NM from what
+    /// gt_start says is in force. Nothing may be written. `index`: axis, or -1 without a reading,
+    /// `value`: distance, nm.
     StartDisagrees = 301,
 
-    /// A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis, `upper`: number of axes.
+    /// A motor is mapped to an axis beyond the last one. `index`: motor, `value`: the axis,
+    /// `upper`: number of axes.
     MotorMap = 400,
 
     /// GT_MAX_CONNECTIONS are open. Send the frame of gt_server_refusal to the peer.
@@ -76,21 +85,25 @@ pub enum gt_code {
 
     /// A number of a machine is NaN or infinite. `parameter`, `index`: its place.
     RobotNotFinite = 600,
-    /// The magnitude of a number of a machine is outside `lower` to `upper`. `parameter`, `index`: its place.
+    /// The magnitude of a number of a machine is outside `lower` to `upper`. `parameter`, `index`:
+    /// its place.
     RobotOutOfRange = 601,
     /// The lower end of a travel is above its upper end. `parameter`, `index`: its place.
     RobotReversed = 602,
 
-    /// The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R from the identity.
+    /// The matrix of an orientation is not a rotation matrix. `value`: largest deviation of R^T R
+    /// from the identity.
     OrientationNotRotation = 700,
-    /// The Tau property is violated. `index`: the link that differs from the first of its cluster, `value`: the difference, m.
+    /// The Tau property is violated. `index`: the link that differs from the first of its cluster,
+    /// `value`: the difference, m.
     OrientationNotTau = 701,
 
     /// The gain is outside 0 to 1.
     CompensatorGain = 800,
     /// A limit is negative. `index`: axis.
     CompensatorLimit = 801,
-    /// metres_per_q is not finite or out of range. `index`: axis. Not returned by this interface, where a machine has checked it.
+    /// metres_per_q is not finite or out of range. `index`: axis. Not returned by this interface,
+    /// where a machine has checked it.
     CompensatorMetresPerQ = 802,
 
     /// An argument, or a number computed from it, is NaN or infinite.
@@ -99,13 +112,16 @@ pub enum gt_code {
     KinematicsUnreachable = 901,
     /// The links cannot meet for these positions of the carts.
     KinematicsNoAssembly = 902,
-    /// The pose exists only beyond a singularity. `index`: the arm on the other side of it, -1 for the tool.
+    /// The pose exists only beyond a singularity. `index`: the arm on the other side of it, -1 for
+    /// the tool.
     KinematicsOtherBranch = 903,
     /// The pose is singular, or too close to it. `value`: the measure, 0 at the singularity.
     KinematicsSingular = 904,
-    /// An axis would leave its travel. `index`: axis, `value`: its position, `lower`, `upper`: its travel; q-units.
+    /// An axis would leave its travel. `index`: axis, `value`: its position, `lower`, `upper`: its
+    /// travel; q-units.
     KinematicsOutOfRange = 905,
-    /// The iteration did not converge. `iterations`: their number, `value`: largest error of a link's length, m.
+    /// The iteration did not converge. `iterations`: their number, `value`: largest error of a
+    /// link's length, m.
     KinematicsNotConverged = 906,
     /// The machine has no synchronised form: a tracker needs gt_f1_tracker_start_from.
     KinematicsSeedRequired = 907,
@@ -118,7 +134,8 @@ pub enum gt_code {
     SensorOutOfRange = 1001,
     /// A component of a reading is NaN, infinite or beyond 1e6; the reading was not used.
     SensorBadReading = 1002,
-    /// The state of a sensor is invalid. Not returned by this interface, where that state never comes from outside.
+    /// The state of a sensor is invalid. Not returned by this interface, where that state never
+    /// comes from outside.
     SensorInvalidState = 1003,
     /// The platform's rotation is not a rotation matrix.
     SensorPlatformNotRotation = 1004,
@@ -128,6 +145,8 @@ pub enum gt_code {
     /// A length to convert is out of range. `upper`: largest magnitude, nm.
     CrossingOutOfRange = 1101,
 }
+
+without_padding!(gt_code);
 
 /// Codes and their names.
 const NAMES: [(gt_code, &CStr); 53] = {
@@ -149,11 +168,17 @@ const NAMES: [(gt_code, &CStr); 53] = {
         (Code::Done, c"GT_CODE_DONE"),
         (Code::Other, c"GT_CODE_OTHER"),
         (Code::LimitsNegativeMax, c"GT_CODE_LIMITS_NEGATIVE_MAX"),
-        (Code::LimitsRampNotPositive, c"GT_CODE_LIMITS_RAMP_NOT_POSITIVE"),
+        (
+            Code::LimitsRampNotPositive,
+            c"GT_CODE_LIMITS_RAMP_NOT_POSITIVE",
+        ),
         (Code::LimitsRampAboveStep, c"GT_CODE_LIMITS_RAMP_ABOVE_STEP"),
         (Code::LimitsAccelTooSmall, c"GT_CODE_LIMITS_ACCEL_TOO_SMALL"),
         (Code::ConfigAxes, c"GT_CODE_CONFIG_AXES"),
-        (Code::ConfigHandshakeTicks, c"GT_CODE_CONFIG_HANDSHAKE_TICKS"),
+        (
+            Code::ConfigHandshakeTicks,
+            c"GT_CODE_CONFIG_HANDSHAKE_TICKS",
+        ),
         (Code::ConfigBudgetWindow, c"GT_CODE_CONFIG_BUDGET_WINDOW"),
         (Code::ConfigTorqueMax, c"GT_CODE_CONFIG_TORQUE_MAX"),
         (Code::ConfigTravel, c"GT_CODE_CONFIG_TRAVEL"),
@@ -165,25 +190,55 @@ const NAMES: [(gt_code, &CStr); 53] = {
         (Code::RobotNotFinite, c"GT_CODE_ROBOT_NOT_FINITE"),
         (Code::RobotOutOfRange, c"GT_CODE_ROBOT_OUT_OF_RANGE"),
         (Code::RobotReversed, c"GT_CODE_ROBOT_REVERSED"),
-        (Code::OrientationNotRotation, c"GT_CODE_ORIENTATION_NOT_ROTATION"),
+        (
+            Code::OrientationNotRotation,
+            c"GT_CODE_ORIENTATION_NOT_ROTATION",
+        ),
         (Code::OrientationNotTau, c"GT_CODE_ORIENTATION_NOT_TAU"),
         (Code::CompensatorGain, c"GT_CODE_COMPENSATOR_GAIN"),
         (Code::CompensatorLimit, c"GT_CODE_COMPENSATOR_LIMIT"),
-        (Code::CompensatorMetresPerQ, c"GT_CODE_COMPENSATOR_METRES_PER_Q"),
+        (
+            Code::CompensatorMetresPerQ,
+            c"GT_CODE_COMPENSATOR_METRES_PER_Q",
+        ),
         (Code::KinematicsNotFinite, c"GT_CODE_KINEMATICS_NOT_FINITE"),
-        (Code::KinematicsUnreachable, c"GT_CODE_KINEMATICS_UNREACHABLE"),
-        (Code::KinematicsNoAssembly, c"GT_CODE_KINEMATICS_NO_ASSEMBLY"),
-        (Code::KinematicsOtherBranch, c"GT_CODE_KINEMATICS_OTHER_BRANCH"),
+        (
+            Code::KinematicsUnreachable,
+            c"GT_CODE_KINEMATICS_UNREACHABLE",
+        ),
+        (
+            Code::KinematicsNoAssembly,
+            c"GT_CODE_KINEMATICS_NO_ASSEMBLY",
+        ),
+        (
+            Code::KinematicsOtherBranch,
+            c"GT_CODE_KINEMATICS_OTHER_BRANCH",
+        ),
         (Code::KinematicsSingular, c"GT_CODE_KINEMATICS_SINGULAR"),
-        (Code::KinematicsOutOfRange, c"GT_CODE_KINEMATICS_OUT_OF_RANGE"),
-        (Code::KinematicsNotConverged, c"GT_CODE_KINEMATICS_NOT_CONVERGED"),
-        (Code::KinematicsSeedRequired, c"GT_CODE_KINEMATICS_SEED_REQUIRED"),
-        (Code::KinematicsInconsistent, c"GT_CODE_KINEMATICS_INCONSISTENT"),
+        (
+            Code::KinematicsOutOfRange,
+            c"GT_CODE_KINEMATICS_OUT_OF_RANGE",
+        ),
+        (
+            Code::KinematicsNotConverged,
+            c"GT_CODE_KINEMATICS_NOT_CONVERGED",
+        ),
+        (
+            Code::KinematicsSeedRequired,
+            c"GT_CODE_KINEMATICS_SEED_REQUIRED",
+        ),
+        (
+            Code::KinematicsInconsistent,
+            c"GT_CODE_KINEMATICS_INCONSISTENT",
+        ),
         (Code::SensorNotRotation, c"GT_CODE_SENSOR_NOT_ROTATION"),
         (Code::SensorOutOfRange, c"GT_CODE_SENSOR_OUT_OF_RANGE"),
         (Code::SensorBadReading, c"GT_CODE_SENSOR_BAD_READING"),
         (Code::SensorInvalidState, c"GT_CODE_SENSOR_INVALID_STATE"),
-        (Code::SensorPlatformNotRotation, c"GT_CODE_SENSOR_PLATFORM_NOT_ROTATION"),
+        (
+            Code::SensorPlatformNotRotation,
+            c"GT_CODE_SENSOR_PLATFORM_NOT_ROTATION",
+        ),
         (Code::CrossingNotFinite, c"GT_CODE_CROSSING_NOT_FINITE"),
         (Code::CrossingOutOfRange, c"GT_CODE_CROSSING_OUT_OF_RANGE"),
     ]
@@ -191,13 +246,17 @@ const NAMES: [(gt_code, &CStr); 53] = {
 
 impl gt_code {
     /// Returns the number in C.
-    #[expect(clippy::as_conversions, reason = "the number of an enum has no other conversion")]
+    #[expect(
+        clippy::as_conversions,
+        reason = "the number of an enum has no other conversion"
+    )]
     const fn number(self) -> i32 {
         self as i32
     }
 }
 
-/// Returns the name of a code, such as "GT_CODE_NULL_POINTER", or "GT_CODE_UNKNOWN": a static string, not to be freed.
+/// Returns the name of a code, such as "GT_CODE_NULL_POINTER", or "GT_CODE_UNKNOWN": a static
+/// string, not to be freed.
 #[unsafe(no_mangle)]
 pub extern "C" fn gt_code_name(code: i32) -> *const c_char {
     let known = NAMES.iter().find(|(known, _)| known.number() == code);
@@ -215,7 +274,9 @@ mod tests {
             let line = format!("  {} = {},", name.to_str().unwrap(), code.number());
             assert!(header.contains(&line), "{line}");
         }
-        let codes = header.lines().filter(|line| line.starts_with("  GT_CODE_") && line.contains(" = "));
+        let codes = header
+            .lines()
+            .filter(|line| line.starts_with("  GT_CODE_") && line.contains(" = "));
         assert_eq!(codes.count(), NAMES.len(), "codes in the header and names");
     }
 }

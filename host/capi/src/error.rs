@@ -12,6 +12,7 @@ use gantry_tau_core::model::sensor::SensorError;
 use gantry_tau_core::units::CrossingError;
 
 use crate::code::gt_code;
+use crate::padding::{padded, without_padding};
 use gt_code as Code;
 
 /// Parameter that an error is about.
@@ -72,7 +73,8 @@ pub enum gt_parameter {
     ToolCentre = 25,
 }
 
-/// Details of an error. The meaning of a field depends on the code; a field that the code does not use is 0.
+/// Details of an error. The meaning of a field depends on the code; a field that the code does not
+/// use is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_error {
@@ -92,13 +94,27 @@ pub struct gt_error {
     pub upper: f64,
 }
 
+without_padding!(gt_parameter);
+
+padded! {
+    gt_error { code index parameter iterations value lower upper }
+}
+
 impl gt_error {
     /// No error.
     pub(crate) const OK: Self = Self::new(Code::Ok);
 
     /// Creates an error without details.
     pub(crate) const fn new(code: gt_code) -> Self {
-        Self { code, index: -1, parameter: gt_parameter::None, iterations: 0, value: 0.0, lower: 0.0, upper: 0.0 }
+        Self {
+            code,
+            index: -1,
+            parameter: gt_parameter::None,
+            iterations: 0,
+            value: 0.0,
+            lower: 0.0,
+            upper: 0.0,
+        }
     }
 
     /// Sets the axis, arm, link or motor.
@@ -119,7 +135,11 @@ impl gt_error {
 
     /// Sets the accepted range.
     pub(crate) const fn range(self, lower: f64, upper: f64) -> Self {
-        Self { lower, upper, ..self }
+        Self {
+            lower,
+            upper,
+            ..self
+        }
     }
 }
 
@@ -149,14 +169,18 @@ impl From<gt_code> for gt_error {
 impl From<LimitsError> for gt_error {
     fn from(error: LimitsError) -> Self {
         match error {
-            LimitsError::NegativeMax { max } => Self::new(Code::LimitsNegativeMax).value(max.into()),
-            LimitsError::RampNotPositive { ramp } => Self::new(Code::LimitsRampNotPositive).value(ramp.into()),
-            LimitsError::RampAboveStep { ramp, step } => {
-                Self::new(Code::LimitsRampAboveStep).value(ramp.into()).range(0.0, step.into())
+            LimitsError::NegativeMax { max } => {
+                Self::new(Code::LimitsNegativeMax).value(max.into())
             }
-            LimitsError::AccelTooSmall { accel, needed } => {
-                Self::new(Code::LimitsAccelTooSmall).value(accel.into()).range(whole(needed), 0.0)
+            LimitsError::RampNotPositive { ramp } => {
+                Self::new(Code::LimitsRampNotPositive).value(ramp.into())
             }
+            LimitsError::RampAboveStep { ramp, step } => Self::new(Code::LimitsRampAboveStep)
+                .value(ramp.into())
+                .range(0.0, step.into()),
+            LimitsError::AccelTooSmall { accel, needed } => Self::new(Code::LimitsAccelTooSmall)
+                .value(accel.into())
+                .range(whole(needed), 0.0),
             _ => Code::Other.into(),
         }
     }
@@ -167,7 +191,9 @@ impl From<ConfigError> for gt_error {
         match error {
             ConfigError::Axes { axes } => Self::new(Code::ConfigAxes).value(count(axes)),
             ConfigError::HandshakeTicks => Code::ConfigHandshakeTicks.into(),
-            ConfigError::BudgetWindow { window } => Self::new(Code::ConfigBudgetWindow).value(window.into()),
+            ConfigError::BudgetWindow { window } => {
+                Self::new(Code::ConfigBudgetWindow).value(window.into())
+            }
             ConfigError::TorqueMax { axis } => Self::new(Code::ConfigTorqueMax).at(axis),
             ConfigError::Travel { axis } => Self::new(Code::ConfigTravel).at(axis),
             ConfigError::Margin { axis } => Self::new(Code::ConfigMargin).at(axis),
@@ -191,7 +217,10 @@ impl From<StartError> for gt_error {
 impl From<MotorMapError> for gt_error {
     fn from(error: MotorMapError) -> Self {
         let MotorMapError { motor, axis, axes } = error;
-        Self::new(Code::MotorMap).at(motor).value(count(axis)).range(0.0, count(axes))
+        Self::new(Code::MotorMap)
+            .at(motor)
+            .value(count(axis))
+            .range(0.0, count(axes))
     }
 }
 
@@ -204,13 +233,21 @@ impl From<Full> for gt_error {
 impl From<RobotError> for gt_error {
     fn from(error: RobotError) -> Self {
         match error {
-            RobotError::NotFinite { parameter, index } => {
-                Self::new(Code::RobotNotFinite).of(parameter.into()).at(index)
-            }
-            RobotError::OutOfRange { parameter, index, lower, upper } => {
-                Self::new(Code::RobotOutOfRange).of(parameter.into()).at(index).range(lower, upper)
-            }
-            RobotError::Reversed { parameter, index } => Self::new(Code::RobotReversed).of(parameter.into()).at(index),
+            RobotError::NotFinite { parameter, index } => Self::new(Code::RobotNotFinite)
+                .of(parameter.into())
+                .at(index),
+            RobotError::OutOfRange {
+                parameter,
+                index,
+                lower,
+                upper,
+            } => Self::new(Code::RobotOutOfRange)
+                .of(parameter.into())
+                .at(index)
+                .range(lower, upper),
+            RobotError::Reversed { parameter, index } => Self::new(Code::RobotReversed)
+                .of(parameter.into())
+                .at(index),
         }
     }
 }
@@ -222,10 +259,12 @@ by_name!(Parameter => gt_parameter {
 impl From<l2::OrientationError> for gt_error {
     fn from(error: l2::OrientationError) -> Self {
         match error {
-            l2::OrientationError::NotRotation { deviation } => Self::new(Code::OrientationNotRotation).value(deviation),
-            l2::OrientationError::NotTau { link, mismatch_m } => {
-                Self::new(Code::OrientationNotTau).at(link).value(mismatch_m)
+            l2::OrientationError::NotRotation { deviation } => {
+                Self::new(Code::OrientationNotRotation).value(deviation)
             }
+            l2::OrientationError::NotTau { link, mismatch_m } => Self::new(Code::OrientationNotTau)
+                .at(link)
+                .value(mismatch_m),
         }
     }
 }
@@ -235,7 +274,9 @@ impl From<CompensatorError> for gt_error {
         match error {
             CompensatorError::Gain => Code::CompensatorGain.into(),
             CompensatorError::Limit { axis } => Self::new(Code::CompensatorLimit).at(axis),
-            CompensatorError::MetresPerQ { axis } => Self::new(Code::CompensatorMetresPerQ).at(axis),
+            CompensatorError::MetresPerQ { axis } => {
+                Self::new(Code::CompensatorMetresPerQ).at(axis)
+            }
         }
     }
 }
@@ -246,17 +287,33 @@ impl From<KinematicsError> for gt_error {
             KinematicsError::NotFinite => Code::KinematicsNotFinite.into(),
             KinematicsError::Unreachable { arm } => Self::new(Code::KinematicsUnreachable).at(arm),
             KinematicsError::NoAssembly => Code::KinematicsNoAssembly.into(),
-            KinematicsError::OtherBranch { arm: Some(arm) } => Self::new(Code::KinematicsOtherBranch).at(arm),
+            KinematicsError::OtherBranch { arm: Some(arm) } => {
+                Self::new(Code::KinematicsOtherBranch).at(arm)
+            }
             KinematicsError::OtherBranch { arm: None } => Code::KinematicsOtherBranch.into(),
-            KinematicsError::Singular { measure } => Self::new(Code::KinematicsSingular).value(measure),
-            KinematicsError::OutOfRange { axis, q, lower, upper } => {
-                Self::new(Code::KinematicsOutOfRange).at(axis).value(q).range(lower, upper)
+            KinematicsError::Singular { measure } => {
+                Self::new(Code::KinematicsSingular).value(measure)
             }
-            KinematicsError::NotConverged { iterations, residual_m } => {
-                Self { iterations: iterations.into(), ..Self::new(Code::KinematicsNotConverged).value(residual_m) }
-            }
+            KinematicsError::OutOfRange {
+                axis,
+                q,
+                lower,
+                upper,
+            } => Self::new(Code::KinematicsOutOfRange)
+                .at(axis)
+                .value(q)
+                .range(lower, upper),
+            KinematicsError::NotConverged {
+                iterations,
+                residual_m,
+            } => Self {
+                iterations: iterations.into(),
+                ..Self::new(Code::KinematicsNotConverged).value(residual_m)
+            },
             KinematicsError::SeedRequired => Code::KinematicsSeedRequired.into(),
-            KinematicsError::Inconsistent { arm } => Self::new(Code::KinematicsInconsistent).at(arm),
+            KinematicsError::Inconsistent { arm } => {
+                Self::new(Code::KinematicsInconsistent).at(arm)
+            }
         }
     }
 }
@@ -265,9 +322,13 @@ impl From<SensorError> for gt_error {
     fn from(error: SensorError) -> Self {
         match error {
             SensorError::NotRotation => Code::SensorNotRotation.into(),
-            SensorError::OutOfRange { parameter, lower, upper } => {
-                Self::new(Code::SensorOutOfRange).of(sensor_parameter(parameter)).range(lower, upper)
-            }
+            SensorError::OutOfRange {
+                parameter,
+                lower,
+                upper,
+            } => Self::new(Code::SensorOutOfRange)
+                .of(sensor_parameter(parameter))
+                .range(lower, upper),
             SensorError::BadReading => Code::SensorBadReading.into(),
             SensorError::InvalidState => Code::SensorInvalidState.into(),
             SensorError::PlatformNotRotation => Code::SensorPlatformNotRotation.into(),
@@ -292,9 +353,8 @@ impl From<CrossingError> for gt_error {
     fn from(error: CrossingError) -> Self {
         match error {
             CrossingError::NotFinite => Code::CrossingNotFinite.into(),
-            CrossingError::OutOfRange { limit_nm } => {
-                Self::new(Code::CrossingOutOfRange).range(whole(limit_nm.saturating_neg()), whole(limit_nm))
-            }
+            CrossingError::OutOfRange { limit_nm } => Self::new(Code::CrossingOutOfRange)
+                .range(whole(limit_nm.saturating_neg()), whole(limit_nm)),
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The machine with six axes (F1): kinematics by Newton's method with checked answers, tracked from cycle to cycle, and statics.
+//! The machine with six axes (F1): kinematics by Newton's method with checked answers, tracked from
+//! cycle to cycle, and statics.
 
 use core::ffi::c_void;
 use core::ptr::null_mut;
@@ -10,17 +11,21 @@ use gantry_tau_core::model::statics::LineMatrix;
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::machine::{
-    GT_ARMS, GT_LINKS, Machine, Scale, branches, gt_pose, gt_solved, gt_wrench, statics, travel, vectors,
+    GT_ARMS, GT_LINKS, Machine, Scale, branches, gt_pose, gt_solved, gt_wrench, statics, travel,
+    vectors,
 };
-use crate::memory::{Object, Reply, answer, create, object, object_mut, put_some, read, read_some, reply, tag};
+use crate::memory::{
+    Object, Reply, answer, create, object, object_mut, put_some, read, read_some, reply, tag,
+};
 
 /// Bytes of a gt_f1.
 pub const GT_F1_SIZE: usize = 2048;
 /// Bytes of a gt_f1_tracker.
 pub const GT_F1_TRACKER_SIZE: usize = 2048;
 
-/// Geometry of a machine with six axes. Joints on the plates: A_ij = C_i + q_i V_i + Q_i P_ij, where plate 2 is turned by
-/// Rot(ax, sigma4 q4), plate 3 by Rot(ax, sigma5 q5) Rot(ax6, q6), plate 1 not at all. World axes, m.
+/// Geometry of a machine with six axes. Joints on the plates: A_ij = C_i + q_i V_i + Q_i P_ij,
+/// where plate 2 is turned by Rot(ax, sigma4 q4), plate 3 by Rot(ax, sigma5 q5) Rot(ax6, q6), plate
+/// 1 not at all. World axes, m.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_f1_geometry {
@@ -46,11 +51,13 @@ pub struct gt_f1_geometry {
     pub has_travel: u8,
     /// Range of each q, lower and upper end, q-units; rad for the last three.
     pub travel: [[f64; 2]; 6],
-    /// Length of one unit of each q by the drives' count, m: |V_i| to a percent for a cart, the screw's law for a plate.
+    /// Length of one unit of each q by the drives' count, m: |V_i| to a percent for a cart, the
+    /// screw's law for a plate.
     pub metres_per_q: [f64; 6],
 }
 
-/// A machine with six axes; its memory is the caller's, and no call changes it: threads may share it.
+/// A machine with six axes; its memory is the caller's, and no call changes it: threads may share
+/// it.
 pub struct gt_f1(());
 
 /// Object behind a handle.
@@ -89,9 +96,11 @@ impl F1 {
 
 /// Makes a machine in `memory`: checks every number, once.
 ///
-/// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_SIZE bytes. `machine`: receives the handle.
+/// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_SIZE bytes. `machine`: receives the
+/// handle.
 ///
-/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (indices 3 and 4: turn_signs), those of ROBOT_: the first found.
+/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (indices 3 and 4: turn_signs), those of ROBOT_:
+/// the first found.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_init(
     memory: *mut c_void,
@@ -108,15 +117,20 @@ pub unsafe extern "C" fn gt_f1_init(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_f1_checksum(machine: *const gt_f1, checksum: *mut u32) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe { answer(checksum, null_mut(), || Ok(object::<F1>(machine)?.checksum())) }
+    unsafe {
+        answer(checksum, null_mut(), || {
+            Ok(object::<F1>(machine)?.checksum())
+        })
+    }
 }
 
-/// Inverse kinematics: positions (nm, rounded) for a pose.
-/// `near_nm`: positions from which the search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
+/// Inverse kinematics: positions (nm, rounded) for a pose. `near_nm`: positions from which the
+/// search starts, such as those of the last cycle; null: plates at 0. `solved` may be null.
 /// Bounded: at most 10 linear solves of each cluster, fewer from near positions.
 ///
-/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a
-/// position of 2^53 nm or more. `positions_nm` is then not written.
+/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, NOT_CONVERGED, OUT_OF_RANGE, OTHER_BRANCH,
+/// NOT_FINITE; CROSSING_OUT_OF_RANGE: a position of 2^53 nm or more. `positions_nm` is then not
+/// written.
 ///
 /// cbindgen:ptrs-as-arrays=[[near_nm;6], [positions_nm;6]]
 #[unsafe(no_mangle)]
@@ -132,11 +146,10 @@ pub unsafe extern "C" fn gt_f1_inverse(
     unsafe {
         answer(positions_nm.cast(), error, || {
             let machine = object::<F1>(machine)?;
-            let plates = |near_nm| {
+            let near = read_some(near_nm.cast())?.map(|near_nm| {
                 let [_, _, _, q4, q5, q6] = machine.scale.q(near_nm);
                 [q4, q5, q6]
-            };
-            let near = read_some(near_nm.cast())?.map(plates);
+            });
             let solution = machine.kinematics.inverse(&read(pose)?.into(), near)?;
             let positions_nm = machine.scale.positions_nm(&solution.value)?;
             put_some(solved, (&solution).into());
@@ -145,8 +158,9 @@ pub unsafe extern "C" fn gt_f1_inverse(
     }
 }
 
-/// The Jacobian: the platform's twist (translation over rotation, world axes) per axis, 36 numbers row by row; m and rad per q-unit.
-/// `pose` and positions_nm belong together (gt_f1_inverse, gt_f1_tracker_pose); that is not checked.
+/// The Jacobian: the platform's twist (translation over rotation, world axes) per axis, 36 numbers
+/// row by row; m and rad per q-unit. `pose` and positions_nm belong together (gt_f1_inverse,
+/// gt_f1_tracker_pose); that is not checked.
 ///
 /// Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 ///
@@ -163,13 +177,16 @@ pub unsafe extern "C" fn gt_f1_jacobian(
     unsafe {
         answer(jacobian.cast::<[[f64; f1::AXES]; 6]>(), error, || {
             // nalgebra counts by columns.
-            Ok(lines(machine, pose, positions_nm)?.jacobian()?.transpose().into())
+            Ok(lines(machine, pose, positions_nm)?
+                .jacobian()?
+                .transpose()
+                .into())
         })
     }
 }
 
-/// Statics: tensions of the links (N, link order) and loads on the axes (N times m per q-unit, N m for plates; positive along +q).
-/// `pose` and positions_nm belong together; that is not checked.
+/// Statics: tensions of the links (N, link order) and loads on the axes (N times m per q-unit, N m
+/// for plates; positive along +q). `pose` and positions_nm belong together; that is not checked.
 ///
 /// Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 ///
@@ -185,7 +202,11 @@ pub unsafe extern "C" fn gt_f1_statics(
     error: *mut gt_error,
 ) -> gt_code {
     // SAFETY: the header's rules for pointers.
-    unsafe { statics(link_forces_n, axis_loads.cast(), load, error, || lines(machine, pose, positions_nm)) }
+    unsafe {
+        statics(link_forces_n, axis_loads.cast(), load, error, || {
+            lines(machine, pose, positions_nm)
+        })
+    }
 }
 
 /// The lines of a pose.
@@ -200,11 +221,14 @@ unsafe fn lines(
     // SAFETY: the caller's promise.
     unsafe {
         let machine = object::<F1>(machine)?;
-        Ok(machine.kinematics.line_matrix(&read(pose)?.into(), &machine.q(positions_nm)?)?)
+        Ok(machine
+            .kinematics
+            .line_matrix(&read(pose)?.into(), &machine.q(positions_nm)?)?)
     }
 }
 
-/// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last one, which is kept inside.
+/// Forward kinematics of a machine with six axes, cycle by cycle: each pose is found from the last
+/// one, which is kept inside.
 pub struct gt_f1_tracker(());
 
 /// Kinematics with the last pose.
@@ -230,7 +254,8 @@ impl Object for Tracker {
 
 /// Makes a tracker of a machine in `memory`, without a last pose. The machine is copied.
 ///
-/// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_TRACKER_SIZE bytes. `tracker`: receives the handle.
+/// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_TRACKER_SIZE bytes. `tracker`: receives
+/// the handle.
 ///
 /// Errors: GT_CODE_MEMORY_TOO_SMALL.
 #[unsafe(no_mangle)]
@@ -245,18 +270,26 @@ pub unsafe extern "C" fn gt_f1_tracker_init(
     unsafe {
         create(memory, size, tracker, error, || {
             let machine = object::<F1>(machine)?;
-            let kinematics = Tracked { machine: machine.kinematics, poses: f1::PoseTracker::default() };
-            Ok(Tracker { kinematics, scale: machine.scale })
+            let kinematics = Tracked {
+                machine: machine.kinematics,
+                poses: f1::PoseTracker::default(),
+            };
+            Ok(Tracker {
+                kinematics,
+                scale: machine.scale,
+            })
         })
     }
 }
 
-/// Forward kinematics: the pose for positions in nm, found from the tracker's last pose by at most 2 linear solves, enough at 1 m/s and
-/// 1 kHz. One attempt per call: after an error, where the last pose stays, the next call makes up to 10 solves from it, the one after
-/// that up to 10 from the synchronised form, and so in turn until one succeeds. `solved` may be null.
+/// Forward kinematics: the pose for positions in nm, found from the tracker's last pose by at most
+/// 2 linear solves, enough at 1 m/s and 1 kHz. One attempt per call: after an error, where the last
+/// pose stays, the next call makes up to 10 solves from it, the one after that up to 10 from the
+/// synchronised form, and so in turn until one succeeds. `solved` may be null.
 ///
-/// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; SEED_REQUIRED: the machine has no
-/// synchronised form, so gt_f1_tracker_start_from must be called first.
+/// Errors: KINEMATICS_: NO_ASSEMBLY, NOT_CONVERGED, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH,
+/// NOT_FINITE; SEED_REQUIRED: the machine has no synchronised form, so gt_f1_tracker_start_from
+/// must be called first.
 ///
 /// cbindgen:ptrs-as-arrays=[[positions_nm;6]]
 #[unsafe(no_mangle)]
@@ -279,14 +312,19 @@ pub unsafe extern "C" fn gt_f1_tracker_pose(
     }
 }
 
-/// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the synchronised form. The pose is not
-/// checked: from one that is not finite or far away the next calls are errors.
+/// Takes a pose as the last one; null: forgets the last one, and the next pose is found from the
+/// synchronised form. The pose is not checked: from one that is not finite or far away the next
+/// calls are errors.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_f1_tracker_start_from(tracker: *mut gt_f1_tracker, pose: *const gt_pose) -> gt_code {
+pub unsafe extern "C" fn gt_f1_tracker_start_from(
+    tracker: *mut gt_f1_tracker,
+    pose: *const gt_pose,
+) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
         reply(null_mut(), || {
-            let (pose, tracker) = (read_some(pose)?, object_mut::<Tracker>(tracker)?);
+            let pose = read_some(pose)?;
+            let tracker = object_mut::<Tracker>(tracker)?;
             tracker.kinematics.poses = f1::PoseTracker::default();
             tracker.kinematics.poses.last = pose.map(Into::into);
             Ok(())

@@ -1,4 +1,5 @@
-//! The machine with three axes (L2) in a constant orientation: kinematics in closed form, and statics.
+//! The machine with three axes (L2) in a constant orientation: kinematics in closed form, and
+//! statics.
 
 use core::ffi::c_void;
 use core::ptr::null_mut;
@@ -7,13 +8,16 @@ use gantry_tau_core::model::l2;
 
 use crate::code::gt_code;
 use crate::error::gt_error;
-use crate::machine::{GT_ARMS, GT_LINKS, Machine, Scale, branches, gt_wrench, matrix, rows, statics, travel, vectors};
+use crate::machine::{
+    GT_ARMS, GT_LINKS, Machine, Scale, branches, gt_wrench, matrix, rows, statics, travel, vectors,
+};
 use crate::memory::{Object, Reply, answer, create, object, read, tag};
 
 /// Bytes of a gt_l2.
 pub const GT_L2_SIZE: usize = 2048;
 
-/// Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the platform B_ij = T + R b_ij. World axes, m.
+/// Geometry of a machine with three axes: joints on the carts A_ij = A0_ij + q_i v_i, on the
+/// platform B_ij = T + R b_ij. World axes, m.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_l2_geometry {
@@ -29,7 +33,8 @@ pub struct gt_l2_geometry {
     pub rotation: [[f64; 3]; 3],
     /// Side of each guideway the links point to, sign(s_i . v_i): 1 or -1.
     pub inverse_branch: [i32; GT_ARMS],
-    /// Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1): 1 or -1.
+    /// Side of the carts' plane the tool is on, sign(n . (T - P_1)), n = (P_2 - P_1) x (P_3 - P_1):
+    /// 1 or -1.
     pub forward_branch: i32,
     /// 0: the travel of q is not checked.
     pub has_travel: u8,
@@ -39,7 +44,8 @@ pub struct gt_l2_geometry {
     pub metres_per_q: [f64; GT_ARMS],
 }
 
-/// A machine with three axes; its memory is the caller's, and no call changes it: threads may share it.
+/// A machine with three axes; its memory is the caller's, and no call changes it: threads may share
+/// it.
 pub struct gt_l2(());
 
 /// Object behind a handle.
@@ -63,19 +69,27 @@ impl L2 {
             guideways: vectors(geometry.guideways),
             platform_joints_m: vectors(geometry.platform_joints_m),
             lengths_m: geometry.lengths_m,
-            configuration: l2::Configuration { inverse: branches(geometry.inverse_branch, 0)?, forward },
+            configuration: l2::Configuration {
+                inverse: branches(geometry.inverse_branch, 0)?,
+                forward,
+            },
             travel: travel(geometry.has_travel, geometry.travel),
         })?;
         let kinematics = l2::Kinematics::new(&robot, &matrix(&geometry.rotation))?;
-        Ok(Self { kinematics, scale: Scale::new(geometry.metres_per_q, &geometry.guideways)? })
+        Ok(Self {
+            kinematics,
+            scale: Scale::new(geometry.metres_per_q, &geometry.guideways)?,
+        })
     }
 }
 
 /// Makes a machine in `memory`: checks every number and the Tau property, once.
 ///
-/// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the handle.
+/// `memory`, `size`: aligned to GT_ALIGN, at least GT_L2_SIZE bytes. `machine`: receives the
+/// handle.
 ///
-/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and ORIENTATION_: the first found.
+/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_BRANCH (index 3: forward_branch), those of ROBOT_ and
+/// ORIENTATION_: the first found.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_init(
     memory: *mut c_void,
@@ -88,19 +102,23 @@ pub unsafe extern "C" fn gt_l2_init(
     unsafe { create(memory, size, machine, error, || L2::new(&read(geometry)?)) }
 }
 
-/// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for kinematics_checksum of a server; the client
-/// compares it with its own.
+/// Returns the CRC-32 over the kinematic parameters, metres_per_q included (wire.md), for
+/// kinematics_checksum of a server; the client compares it with its own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_l2_checksum(machine: *const gt_l2, checksum: *mut u32) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe { answer(checksum, null_mut(), || Ok(object::<L2>(machine)?.checksum())) }
+    unsafe {
+        answer(checksum, null_mut(), || {
+            Ok(object::<L2>(machine)?.checksum())
+        })
+    }
 }
 
-/// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes, m), for a tool on the machine's
-/// side of the carts' plane. Closed form, constant cost.
+/// Inverse kinematics: positions (nm, rounded) that put the tool centre point at tcp_m (world axes,
+/// m), for a tool on the machine's side of the carts' plane. Closed form, constant cost.
 ///
-/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE; CROSSING_OUT_OF_RANGE: a position of
-/// 2^53 nm or more. `positions_nm` is then not written.
+/// Errors: KINEMATICS_: UNREACHABLE, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH, NOT_FINITE;
+/// CROSSING_OUT_OF_RANGE: a position of 2^53 nm or more. `positions_nm` is then not written.
 ///
 /// cbindgen:ptrs-as-arrays=[[tcp_m;3], [positions_nm;3]]
 #[unsafe(no_mangle)]
@@ -115,12 +133,15 @@ pub unsafe extern "C" fn gt_l2_inverse(
         answer(positions_nm.cast(), error, || {
             let machine = object::<L2>(machine)?;
             let tcp_m: [f64; 3] = read(tcp_m.cast())?;
-            machine.scale.positions_nm(&machine.kinematics.inverse_in_assembly(&tcp_m.into())?)
+            machine
+                .scale
+                .positions_nm(&machine.kinematics.inverse_in_assembly(&tcp_m.into())?)
         })
     }
 }
 
-/// Forward kinematics: position of the tool centre point (world axes, m) for positions in nm. Closed form, constant cost.
+/// Forward kinematics: position of the tool centre point (world axes, m) for positions in nm.
+/// Closed form, constant cost.
 ///
 /// Errors: KINEMATICS_: NO_ASSEMBLY, SINGULAR, OUT_OF_RANGE, OTHER_BRANCH.
 ///
@@ -136,7 +157,10 @@ pub unsafe extern "C" fn gt_l2_forward(
     unsafe {
         answer(tcp_m.cast::<[f64; 3]>(), error, || {
             let machine = object::<L2>(machine)?;
-            Ok(machine.kinematics.forward(&machine.q(positions_nm)?)?.into())
+            Ok(machine
+                .kinematics
+                .forward(&machine.q(positions_nm)?)?
+                .into())
         })
     }
 }
@@ -157,13 +181,16 @@ pub unsafe extern "C" fn gt_l2_jacobian(
     unsafe {
         answer(jacobian.cast(), error, || {
             let tcp_m: [f64; 3] = read(tcp_m.cast())?;
-            Ok(rows(&object::<L2>(machine)?.kinematics.jacobian(&tcp_m.into())?))
+            Ok(rows(
+                &object::<L2>(machine)?.kinematics.jacobian(&tcp_m.into())?,
+            ))
         })
     }
 }
 
-/// Statics: tensions of the links (N, link order) and loads on the carts (N times m per q-unit, positive along +q), under a load.
-/// tcp_m and positions_nm belong together (gt_l2_inverse, gt_l2_forward); that is not checked.
+/// Statics: tensions of the links (N, link order) and loads on the carts (N times m per q-unit,
+/// positive along +q), under a load. tcp_m and positions_nm belong together (gt_l2_inverse,
+/// gt_l2_forward); that is not checked.
 ///
 /// Errors: KINEMATICS_: SINGULAR, NOT_FINITE.
 ///
@@ -184,7 +211,9 @@ pub unsafe extern "C" fn gt_l2_statics(
             let machine = object::<L2>(machine)?;
             let tcp_m: [f64; 3] = read(tcp_m.cast())?;
             let pose = machine.kinematics.pose(tcp_m.into());
-            Ok(machine.kinematics.line_matrix(&pose, &machine.q(positions_nm)?)?)
+            Ok(machine
+                .kinematics
+                .line_matrix(&pose, &machine.q(positions_nm)?)?)
         })
     }
 }

@@ -1,4 +1,5 @@
-//! C interface of gantry-tau-core. cbindgen writes `include/gantry_tau.h`, its reference for C programmers, from these files.
+//! C interface of gantry-tau-core. cbindgen writes `include/gantry_tau.h`, its reference for C
+//! programmers, from these files.
 //!
 //! | module | contents |
 //! |---|---|
@@ -13,10 +14,17 @@
 //! | [`compensation`] | offsets from a load |
 //! | [`sensor`] | loads from raw readings |
 //!
-//! A C interface needs unsafe code; core forbids it. Every function takes its arguments through [`memory`], which refuses null and
-//! misaligned pointers, and handles without a live object of their type. The rest is the caller's promise, at the head of the header.
+//! A C interface needs unsafe code; core forbids it. Every function takes its arguments through
+//! [`memory`], which refuses null and misaligned pointers, and handles without a live object of
+//! their type. The rest is the caller's promise, at the head of the header.
 #![cfg_attr(not(any(test, feature = "verification")), no_std)]
-#![cfg_attr(test, allow(clippy::arithmetic_side_effects, reason = "a test that overflows must panic"))]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::arithmetic_side_effects,
+        reason = "a test that overflows must panic"
+    )
+)]
 #![allow(
     non_camel_case_types,
     reason = "types have the names they have in C, so that both sides are found by one search"
@@ -54,10 +62,12 @@ pub mod server;
 #[cfg(feature = "verification")]
 pub mod verification;
 
-/// Version of this interface. It changes with every change to a type, a constant or the meaning of a function.
+/// Version of this interface. It changes with every change to a type, a constant or the meaning of
+/// a function.
 pub const GT_ABI_VERSION: u32 = 4;
 
-/// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other call.
+/// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other
+/// call.
 #[unsafe(no_mangle)]
 pub extern "C" fn gt_abi_version() -> u32 {
     GT_ABI_VERSION
@@ -76,7 +86,8 @@ unsafe extern "C" {
     fn gantry_tau_panic() -> !;
 }
 
-/// Never called: the function that it calls does not exist, so a library with a panic path does not link into any program.
+/// Never called: the function that it calls does not exist, so a library with a panic path does not
+/// link into any program.
 #[cfg(not(any(test, feature = "verification")))]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {

@@ -10,8 +10,10 @@ use nalgebra::{Matrix3, Vector3};
 use crate::code::gt_code;
 use crate::error::{gt_error, gt_parameter};
 use crate::memory::{Reply, answer, checked, read};
+use crate::padding::padded;
 
-/// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number of links.
+/// Number of links, in the order 11, 21, 22, 31, 32, 33: the first digit is the arm, and its number
+/// of links.
 pub const GT_LINKS: usize = 6;
 /// Number of arms, carts and guideways.
 pub const GT_ARMS: usize = 3;
@@ -27,7 +29,8 @@ pub struct gt_pose {
     pub rotation: [[f64; 3]; 3],
 }
 
-/// A load on the platform, applied BY THE ENVIRONMENT TO THE PLATFORM; moment about the tool centre point.
+/// A load on the platform, applied BY THE ENVIRONMENT TO THE PLATFORM; moment about the tool centre
+/// point.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct gt_wrench {
@@ -47,33 +50,54 @@ pub struct gt_solved {
     pub residual_m: f64,
 }
 
+padded! {
+    gt_pose { position_m rotation }
+    gt_wrench { force_n moment_nm }
+    gt_solved { iterations residual_m }
+}
+
 impl From<gt_pose> for Pose {
     fn from(pose: gt_pose) -> Self {
-        Self { position_m: pose.position_m.into(), rotation: matrix(&pose.rotation) }
+        Self {
+            position_m: pose.position_m.into(),
+            rotation: matrix(&pose.rotation),
+        }
     }
 }
 
 impl From<Pose> for gt_pose {
     fn from(pose: Pose) -> Self {
-        Self { position_m: pose.position_m.into(), rotation: rows(&pose.rotation) }
+        Self {
+            position_m: pose.position_m.into(),
+            rotation: rows(&pose.rotation),
+        }
     }
 }
 
 impl From<gt_wrench> for Wrench {
     fn from(wrench: gt_wrench) -> Self {
-        Self { force_n: wrench.force_n.into(), moment_nm: wrench.moment_nm.into() }
+        Self {
+            force_n: wrench.force_n.into(),
+            moment_nm: wrench.moment_nm.into(),
+        }
     }
 }
 
 impl From<Wrench> for gt_wrench {
     fn from(wrench: Wrench) -> Self {
-        Self { force_n: wrench.force_n.into(), moment_nm: wrench.moment_nm.into() }
+        Self {
+            force_n: wrench.force_n.into(),
+            moment_nm: wrench.moment_nm.into(),
+        }
     }
 }
 
 impl<T> From<&Solution<T>> for gt_solved {
     fn from(solved: &Solution<T>) -> Self {
-        Self { iterations: solved.iterations.into(), residual_m: solved.residual_m }
+        Self {
+            iterations: solved.iterations.into(),
+            residual_m: solved.residual_m,
+        }
     }
 }
 
@@ -111,8 +135,8 @@ pub(crate) fn travel<const N: usize>(has: u8, ranges: [[f64; 2]; N]) -> Option<[
     (has != 0).then(|| ranges.map(|[lower, upper]| (lower, upper)))
 }
 
-/// Largest deviation of a cart's metres_per_q, the drive's count, from the length of its guideway, which calibration finds; relative. The
-/// same as of a robot file.
+/// Largest deviation of a cart's metres_per_q, the drive's count, from the length of its guideway,
+/// which calibration finds; relative. The same as of a robot file.
 const SCALE_TOLERANCE: f64 = 0.01;
 
 /// Length of one unit of each q, m: converts between nanometres and q-units.
@@ -122,17 +146,21 @@ pub(crate) struct Scale<const N: usize>(pub(crate) [f64; N]);
 impl<const N: usize> Scale<N> {
     /// Checks the conversion; a cart's is the length of its guideway, to a percent.
     pub(crate) fn new(metres_per_q: [f64; N], guideways: &[[f64; 3]; GT_ARMS]) -> Reply<Self> {
-        let mut lengths = guideways.iter().map(|guideway| norm(&Vector3::from(*guideway)));
+        let mut lengths = guideways
+            .iter()
+            .map(|guideway| norm(&Vector3::from(*guideway)));
         for (axis, metres) in metres_per_q.iter().enumerate() {
-            let (lower, upper) = lengths
-                .next()
-                .map_or(SCALE_RANGE, |length| (length * (1.0 - SCALE_TOLERANCE), length * (1.0 + SCALE_TOLERANCE)));
-            let refused = |code| gt_error::new(code).of(gt_parameter::MetresPerQ).at(axis);
+            let (lower, upper) = lengths.next().map_or(SCALE_RANGE, |length| {
+                (
+                    length * (1.0 - SCALE_TOLERANCE),
+                    length * (1.0 + SCALE_TOLERANCE),
+                )
+            });
             if !metres.is_finite() {
-                return Err(refused(gt_code::RobotNotFinite));
+                return Err(refused_scale(gt_code::RobotNotFinite, axis));
             }
             if !(lower..=upper).contains(metres) {
-                return Err(refused(gt_code::RobotOutOfRange).range(lower, upper));
+                return Err(refused_scale(gt_code::RobotOutOfRange, axis).range(lower, upper));
             }
         }
         Ok(Self(metres_per_q))
@@ -155,6 +183,11 @@ impl<const N: usize> Scale<N> {
         }
         Ok(positions_nm)
     }
+}
+
+/// Error of an axis' metres_per_q.
+fn refused_scale(code: gt_code, axis: usize) -> gt_error {
+    gt_error::new(code).of(gt_parameter::MetresPerQ).at(axis)
 }
 
 /// A machine: its kinematics, and the conversion of its positions.
@@ -198,11 +231,20 @@ pub(crate) unsafe fn statics<const N: usize>(
     }
 }
 
-/// Converts a length to whole nanometres, rounded half away from zero. The only conversion from floats to references.
+/// Converts a length to whole nanometres, rounded half away from zero. The only conversion from
+/// floats to references.
 ///
 /// Errors: those of CROSSING_ (NaN, infinite, or 2^53 nm and more).
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_position_from_metres(metres: f64, position_nm: *mut i64, error: *mut gt_error) -> gt_code {
+pub unsafe extern "C" fn gt_position_from_metres(
+    metres: f64,
+    position_nm: *mut i64,
+    error: *mut gt_error,
+) -> gt_code {
     // SAFETY: the header's rules for pointers.
-    unsafe { answer(position_nm, error, || Ok(PositionNm::from_metres(Metres(metres))?.0)) }
+    unsafe {
+        answer(position_nm, error, || {
+            Ok(PositionNm::from_metres(Metres(metres))?.0)
+        })
+    }
 }

@@ -1,7 +1,8 @@
 //! Pointers that come from C, and objects in the caller's memory.
 //!
-//! The caller's promises about pointers are at the head of the header. Null and misaligned pointers are refused here. Structs are copied
-//! in and out: no reference to a struct of the caller is held. Objects carry a tag with their type.
+//! The caller's promises about pointers are at the head of the header. Null and misaligned pointers
+//! are refused here. Structs are copied in and out: no reference to a struct of the caller is held.
+//! Objects carry a tag with their type.
 
 use core::ffi::c_void;
 use core::ptr::NonNull;
@@ -49,10 +50,15 @@ pub(crate) unsafe fn answer<T: Padded>(
     }
 }
 
-/// Refuses null and misaligned pointers. Places for results are checked first, before anything is changed.
+/// Refuses null and misaligned pointers. Places for results are checked first, before anything is
+/// changed.
 pub(crate) fn checked<T>(pointer: *const T) -> Reply<NonNull<T>> {
     let pointer = NonNull::new(pointer.cast_mut()).ok_or(gt_code::NullPointer)?;
-    if pointer.is_aligned() { Ok(pointer) } else { Err(gt_code::Misaligned.into()) }
+    if pointer.is_aligned() {
+        Ok(pointer)
+    } else {
+        Err(gt_code::Misaligned.into())
+    }
 }
 
 /// Copies a value of the caller.
@@ -70,8 +76,12 @@ pub(crate) unsafe fn read<T: Copy>(pointer: *const T) -> Reply<T> {
 /// # Safety
 /// As [`read`].
 pub(crate) unsafe fn read_some<T: Copy>(pointer: *const T) -> Reply<Option<T>> {
-    // SAFETY: the caller's promise.
-    if pointer.is_null() { Ok(None) } else { unsafe { read(pointer) }.map(Some) }
+    if pointer.is_null() {
+        Ok(None)
+    } else {
+        // SAFETY: the caller's promise.
+        unsafe { read(pointer) }.map(Some)
+    }
 }
 
 /// Borrows bytes of the caller for the duration of the call. Null is allowed with length 0.
@@ -87,7 +97,8 @@ pub(crate) unsafe fn bytes<'a>(pointer: *const u8, length: usize) -> Reply<&'a [
 /// Borrows a buffer of the caller for the duration of the call. Null is allowed with length 0.
 ///
 /// # Safety
-/// `pointer` is null or points to `length` initialised bytes that are not used otherwise before the call is over.
+/// `pointer` is null or points to `length` initialised bytes that are not used otherwise before the
+/// call is over.
 pub(crate) unsafe fn buffer<'a>(pointer: *mut u8, length: usize) -> Reply<&'a mut [u8]> {
     let start = start(pointer, length)?;
     // SAFETY: not null, and no longer than an object can be.
@@ -158,13 +169,21 @@ pub(crate) unsafe fn create<T: Object>(
     make: impl FnOnce() -> Reply<T>,
 ) -> gt_code {
     // SAFETY: the caller's promise; the place is one for a `T`.
-    unsafe { answer(handle, error, || settle(memory, size, make, |object, place: *mut T| place.write(object))) }
+    unsafe {
+        answer(handle, error, || {
+            settle(memory, size, make, |object, place: *mut T| {
+                place.write(object)
+            })
+        })
+    }
 }
 
-/// Creates an object in memory of the caller: `parts` may refuse, `write` writes every field in place.
+/// Creates an object in memory of the caller: `parts` may refuse, `write` writes every field in
+/// place.
 ///
 /// # Safety
-/// `memory` is null or points to `size` bytes that belong to the object alone from now on; `write` initialises the whole object.
+/// `memory` is null or points to `size` bytes that belong to the object alone from now on; `write`
+/// initialises the whole object.
 #[inline(always)]
 pub(crate) unsafe fn settle<P, T: Object>(
     memory: *mut c_void,
@@ -172,14 +191,25 @@ pub(crate) unsafe fn settle<P, T: Object>(
     parts: impl FnOnce() -> Reply<P>,
     write: impl FnOnce(P, *mut T),
 ) -> Reply<*mut T::Handle> {
-    const { assert!(size_of::<T>() <= T::BYTES, "the size in the header is too small for this target") };
-    const { assert!(align_of::<Tagged<T>>() <= GT_ALIGN, "the alignment in the header is too small for this target") };
+    const {
+        assert!(
+            size_of::<T>() <= T::BYTES,
+            "the size in the header is too small for this target"
+        )
+    };
+    const {
+        assert!(
+            align_of::<Tagged<T>>() <= GT_ALIGN,
+            "the alignment in the header is too small for this target"
+        )
+    };
     let memory = checked(memory.cast::<Tagged<T>>())?;
     if size < size_of::<T>() {
         return Err(gt_error::new(gt_code::MemoryTooSmall).value(count(size_of::<T>())));
     }
     let memory = memory.as_ptr();
-    // SAFETY: the memory is large enough and aligned. A refusal leaves it without an object, whatever it held before.
+    // SAFETY: the memory is large enough and aligned. A refusal leaves it without an object, even
+    // if it held one before.
     unsafe {
         (&raw mut (*memory).tag).write(0);
         write(parts()?, &raw mut (*memory).object);
@@ -200,7 +230,8 @@ pub(crate) unsafe fn tag_of<H>(handle: *const H) -> Reply<u64> {
 /// Borrows the object of a handle.
 ///
 /// # Safety
-/// As [`tag_of`]; an object with this tag was made by [`settle`] and is not written to before the call is over.
+/// As [`tag_of`]; an object with this tag was made by [`settle`] and is not written to before the
+/// call is over.
 pub(crate) unsafe fn object<'a, T: Object>(handle: *const T::Handle) -> Reply<&'a T> {
     // SAFETY: the caller's promise.
     unsafe { Ok(&tagged::<T>(handle)?.as_ref().object) }

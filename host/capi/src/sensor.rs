@@ -22,7 +22,8 @@ pub struct gt_sensor_config {
     pub rotation: [[f64; 3]; 3],
     /// p: from the tool centre point to the sensor's origin, platform axes, m; at most 10.
     pub lever_m: [f64; 3],
-    /// G: weight of what the sensor carries, a force, world axes, N; at most 1e5. Zero where it is not known, and so is tared.
+    /// G: weight of what the sensor carries, a force, world axes, N; at most 1e5. Zero where it is
+    /// not known, and so is tared.
     pub tool_weight_n: [f64; 3],
     /// c: from the tool centre point to its centre of gravity, platform axes, m; at most 10.
     pub tool_centre_m: [f64; 3],
@@ -45,9 +46,11 @@ impl Object for ForceSensor {
 
 /// Makes a sensor in `memory`; it starts with its tare.
 ///
-/// `memory`, `size`: aligned to GT_ALIGN, at least GT_SENSOR_SIZE bytes. `sensor`: receives the handle.
+/// `memory`, `size`: aligned to GT_ALIGN, at least GT_SENSOR_SIZE bytes. `sensor`: receives the
+/// handle.
 ///
-/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_SENSOR_NOT_ROTATION, GT_CODE_SENSOR_OUT_OF_RANGE: the first found.
+/// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_SENSOR_NOT_ROTATION, GT_CODE_SENSOR_OUT_OF_RANGE: the
+/// first found.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_sensor_init(
     memory: *mut c_void,
@@ -63,7 +66,10 @@ pub unsafe extern "C" fn gt_sensor_init(
             Ok(ForceSensor::new(SensorConfig {
                 rotation: matrix(&config.rotation),
                 lever_m: config.lever_m.into(),
-                tool: Tool { weight_n: config.tool_weight_n.into(), centre_m: config.tool_centre_m.into() },
+                tool: Tool {
+                    weight_n: config.tool_weight_n.into(),
+                    centre_m: config.tool_centre_m.into(),
+                },
                 cutoff_hz: config.cutoff_hz,
                 cycle_s: config.cycle_s,
                 tare_samples: config.tare_samples,
@@ -72,12 +78,14 @@ pub unsafe extern "C" fn gt_sensor_init(
     }
 }
 
-/// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle, with the platform in `pose`, of which only the rotation is
-/// read: of an L2 it is constant, of an F1 see gt_f1_tracker_pose.
-/// `taring` receives the samples that the tare still needs; when it is 0, `load` receives the load on the platform, world axes, about
-/// the tool centre point, filtered, otherwise zeros. Constant cost.
+/// Takes one raw sample (sensor axes, about the sensor's origin), once per cycle, with the platform
+/// in `pose`, of which only the rotation is read: of an L2 it is constant, of an F1 see
+/// gt_f1_tracker_pose. `taring` receives the samples that the tare still needs; when it is 0,
+/// `load` receives the load on the platform, world axes, about the tool centre point, filtered,
+/// otherwise zeros. Constant cost.
 ///
-/// Errors: GT_CODE_SENSOR_BAD_READING, GT_CODE_SENSOR_PLATFORM_NOT_ROTATION; the sensor is then unchanged.
+/// Errors: GT_CODE_SENSOR_BAD_READING, GT_CODE_SENSOR_PLATFORM_NOT_ROTATION; the sensor is then
+/// unchanged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_sensor_update(
     sensor: *mut gt_sensor,
@@ -89,7 +97,11 @@ pub unsafe extern "C" fn gt_sensor_update(
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
         answer(load, null_mut(), || {
-            let (taring, raw, sensor) = (checked(taring)?, read(raw)?, object_mut::<ForceSensor>(sensor)?);
+            let (taring, raw, sensor) = (
+                checked(taring)?,
+                read(raw)?,
+                object_mut::<ForceSensor>(sensor)?,
+            );
             let rotation = matrix(&read(pose)?.rotation);
             let (wrench, remaining) = match sensor.update(&raw.into(), &rotation)? {
                 Reading::Taring { remaining } => (Wrench::zero(), remaining),

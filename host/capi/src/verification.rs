@@ -1,4 +1,5 @@
-//! Entries for the proofs: the maps between the structs of C and those of core, and memory of a caller as safe functions. Not for C.
+//! Entries for the proofs: the maps between the structs of C and those of core, and memory of a
+//! caller as safe functions. Not for C.
 
 use core::ffi::c_void;
 use core::ptr::null_mut;
@@ -13,7 +14,8 @@ use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::memory::{self, Object, Reply, tag};
 use crate::server::{
-    GT_MAX_MOTORS, gt_axis_config, gt_server_config, gt_start, gt_state, gt_tick_input, gt_tick_output,
+    GT_MAX_MOTORS, gt_axis_config, gt_server_config, gt_start, gt_state, gt_tick_input,
+    gt_tick_output,
 };
 
 /// Memory of a caller, aligned to [`memory::GT_ALIGN`].
@@ -50,16 +52,23 @@ impl Room {
         bytes.map_or(null_mut(), |bytes| bytes.as_mut_ptr().cast())
     }
 
-    /// Creates an object at `place`, in the bytes behind it, as a function of the interface does. Returns the place of its handle.
+    /// Creates an object at `place`, in the bytes behind it, as a function of the interface does.
+    /// Returns the place of its handle.
     ///
     /// # Errors
     /// A null or misaligned pointer, too little memory, or no value.
     pub fn create(&mut self, place: Option<usize>, value: Option<u32>) -> Reply<usize> {
         let size = place.map_or(0, |place| Self::BYTES.saturating_sub(place));
-        let make = || value.ok_or(gt_code::Length.into());
         let memory = self.pointer(place);
         // SAFETY: null, or `size` bytes of the room; the object is written as a whole.
-        let handle = unsafe { memory::settle(memory, size, make, |value, to: *mut Held| to.write(Held(value))) }?;
+        let handle = unsafe {
+            memory::settle(
+                memory,
+                size,
+                || value.ok_or(gt_code::Length.into()),
+                |value, to: *mut Held| to.write(Held(value)),
+            )
+        }?;
         Ok(handle.addr().wrapping_sub(self.0.as_ptr().addr()))
     }
 
@@ -73,7 +82,8 @@ impl Room {
         unsafe { memory::object::<Held>(self.pointer(place).cast()) }.map(|held| held.0)
     }
 
-    /// Returns the bytes that a function of the interface borrows at `place`: `length`, or all behind the place if these are fewer.
+    /// Returns the bytes that a function of the interface borrows at `place`: `length`, or all
+    /// behind the place if these are fewer.
     ///
     /// # Errors
     /// A null pointer, or a length that no object has.
@@ -81,7 +91,11 @@ impl Room {
         let place = place.filter(|place| *place <= Self::BYTES);
         // A length that is not refused is cut to the room, because the bytes must exist.
         let room = place.map_or(length, |place| Self::BYTES.saturating_sub(place));
-        let length = if isize::try_from(length).is_ok() { length.min(room) } else { length };
+        let length = if isize::try_from(length).is_ok() {
+            length.min(room)
+        } else {
+            length
+        };
         // SAFETY: null, or `length` bytes of the room, or a length that is refused.
         unsafe { memory::bytes(self.pointer(place).cast(), length) }
     }
@@ -98,7 +112,7 @@ pub fn judge(address: usize) -> Reply {
 /// Input of a tick for core.
 ///
 /// # Errors
-/// A value that is none of a field's.
+/// A value that a field does not have.
 pub fn to_core<const N: usize>(input: &gt_tick_input) -> Reply<TickInput<N>> {
     input.to_core()
 }

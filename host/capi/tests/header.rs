@@ -6,7 +6,9 @@ fn the_header_is_up_to_date() {
     let path = format!("{folder}/include/gantry_tau.h");
     let config = cbindgen::Config::from_root_or_default(folder);
     let mut header = Vec::new();
-    cbindgen::generate_with_config(folder, config).unwrap().write(&mut header);
+    cbindgen::generate_with_config(folder, config)
+        .unwrap()
+        .write(&mut header);
     let header = String::from_utf8(header).unwrap();
     if std::env::var_os("GT_WRITE_HEADER").is_some() {
         std::fs::write(&path, &header).unwrap();
@@ -15,7 +17,10 @@ fn the_header_is_up_to_date() {
     let there = std::fs::read_to_string(&path).unwrap();
     for (number, (there, given)) in there.lines().zip(header.lines()).enumerate() {
         let line = number + 1;
-        assert_eq!(there, given, "line {line}: GT_WRITE_HEADER=1 cargo test --test header");
+        assert_eq!(
+            there, given,
+            "line {line}: GT_WRITE_HEADER=1 cargo test --test header"
+        );
     }
     assert_eq!(there.lines().count(), header.lines().count());
 }

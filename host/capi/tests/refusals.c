@@ -472,7 +472,7 @@ static void machines(void)
     REFUSE(error.upper != 9007199254740992.0)
 }
 
-/* A tracker keeps its last pose: after an error too, until it is told another one, or none. */
+/* A tracker keeps its last pose: after an error too, until it receives another one, or none. */
 static void tracker(void)
 {
     static GT_MEMORY(GT_F1_SIZE) f1_memory;

@@ -1,10 +1,11 @@
-//! From power-on to SAFE-OP: who is on the bus, what the drives have in force, what they map, and their watchdogs.
+//! From power-on to SAFE-OP: who is on the bus, what the drives have in force, what they map, and
+//! their watchdogs.
 
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
 use ethercrab::subdevice_group::{PreOp, SafeOp};
 use ethercrab::{
-    AlStatusCode, Command, DefaultLock, EtherCrabWireReadSized, MainDevice, RegisterAddress, SubDevice, SubDeviceGroup,
-    SubDeviceRef,
+    AlStatusCode, Command, DefaultLock, EtherCrabWireReadSized, MainDevice, RegisterAddress,
+    SubDevice, SubDeviceGroup, SubDeviceRef,
 };
 
 use crate::cia402::{CSP, Input, Mapping, Offset, Target};
@@ -57,7 +58,8 @@ pub struct DriveConfig {
     pub serial: Option<u32>,
     /// Counts per turn of the encoder, compared with object 608Fh; `None` compares nothing.
     pub counts_per_turn: Option<u32>,
-    /// Travel of the machine, counts, lower end first: the drive's software limits must not be narrower.
+    /// Travel of the machine, counts, lower end first: the drive's software limits must not be
+    /// narrower.
     pub travel: (i32, i32),
     /// The drive must take velocity offsets.
     pub needs_velocity_offset: bool,
@@ -77,7 +79,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Largest number of cycles without outputs before a drive stops by itself. EtherCAT's default would be 100 of 1 ms.
+    /// Largest number of cycles without outputs before a drive stops by itself. EtherCAT's default
+    /// would be 100 of 1 ms.
     pub const MAX_WATCHDOG_CYCLES: u32 = 10;
 
     pub(crate) const fn watchdog_us(&self) -> u32 {
@@ -107,7 +110,7 @@ pub enum BringUpError {
         /// Cycles asked for.
         cycles: u32,
     },
-    /// Nobody answers.
+    /// No device answers.
     #[error("no SubDevice answers; is it the right interface, and is the bus powered?")]
     Silent,
     /// There are more SubDevices than this program handles.
@@ -205,7 +208,9 @@ pub enum BringUpError {
         found_us: u32,
     },
     /// The outputs do not trigger the watchdog.
-    #[error("motor {motor}: its outputs do not trigger the watchdog (sync manager 2): it would not stop by itself")]
+    #[error(
+        "motor {motor}: its outputs do not trigger the watchdog (sync manager 2): it would not stop by itself"
+    )]
     WatchdogOff {
         /// The motor.
         motor: u8,
@@ -244,7 +249,8 @@ pub enum BringUpError {
         /// Time given, s.
         seconds: u32,
     },
-    /// A message came that ethercrab does not take, as an emergency between a request and its answer.
+    /// A message came that ethercrab does not take, as an emergency between a request and its
+    /// answer.
     #[error(
         "a drive sent what cannot be handled during the bring-up, an emergency message perhaps; reset the drives and start again"
     )]
@@ -290,7 +296,13 @@ impl Found {
         let identity = subdevice.identity();
         let (station, alias) = (subdevice.configured_address(), subdevice.alias_address());
         let (vendor, product, serial) = (identity.vendor_id, identity.product_id, identity.serial);
-        Self { station, alias, vendor, product, serial }
+        Self {
+            station,
+            alias,
+            vendor,
+            product,
+            serial,
+        }
     }
 
     const fn is_at(&self, place: Place) -> bool {
@@ -320,53 +332,78 @@ pub(crate) async fn bring_up<const M: usize>(
             let here = Found::of(subdevice);
             found.push(here);
             let is_drive = drives.iter().any(|drive| here.is_at(drive.place));
-            Ok(if is_drive { &groups.drives } else { &groups.others })
+            Ok(if is_drive {
+                &groups.drives
+            } else {
+                &groups.others
+            })
         },
     );
     let groups = groups.await;
     let groups = groups.map_err(|error| match error {
         Error::Timeout(_) if found.is_empty() => BringUpError::Silent,
         Error::Capacity(_) => BringUpError::TooMany,
-        error => BringUpError::Bus { step: "looking for SubDevices", error },
+        error => BringUpError::Bus {
+            step: "looking for SubDevices",
+            error,
+        },
     })?;
     if found.is_empty() {
         return Err(BringUpError::Silent);
     }
     let mut members = places(&found, drives)?;
     for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
-        let subdevice = groups.drives.subdevice(main, member.index).map_err(|error| BringUpError::Exchange {
+        let subdevice = groups
+            .drives
+            .subdevice(main, member.index)
+            .map_err(|error| BringUpError::Exchange {
+                motor: number(motor),
+                step: "looking for the drive",
+                error,
+            })?;
+        let setup = Setup {
             motor: number(motor),
-            step: "looking for the drive",
-            error,
-        })?;
-        let setup = Setup { motor: number(motor), subdevice: &subdevice };
+            subdevice: &subdevice,
+        };
         (member.mapping, member.initial) = setup.ask(drive).await?;
         setup.map(member.mapping).await?;
         setup.set_watchdog(settings).await?;
     }
     let group = groups.drives.into_pre_op_pdi(main).await;
-    let group = group.map_err(|error| BringUpError::Bus { step: "mapping process data", error })?;
+    let group = group.map_err(|error| BringUpError::Bus {
+        step: "mapping process data",
+        error,
+    })?;
     for member in &members {
         let target = standing(&member.initial);
         if let Ok(subdevice) = group.subdevice(main, member.index) {
-            member.mapping.pack(0, &target, &mut subdevice.outputs_raw_mut());
+            member
+                .mapping
+                .pack(0, &target, &mut subdevice.outputs_raw_mut());
         }
     }
     let group = match group.into_safe_op(main).await {
         Ok(group) => group,
         Err(error) => {
-            return Err(refusal(main, &members).await.unwrap_or(BringUpError::Bus { step: "SAFE-OP", error }));
+            return Err(refusal(main, &members).await.unwrap_or(BringUpError::Bus {
+                step: "SAFE-OP",
+                error,
+            }));
         }
     };
     for (motor, member) in members.iter().enumerate() {
-        let control = Command::fprd(member.station, OUTPUTS_CONTROL).receive::<u8>(main).await;
+        let control = Command::fprd(member.station, OUTPUTS_CONTROL)
+            .receive::<u8>(main)
+            .await;
         let control = control.map_err(|error| BringUpError::Exchange {
             motor: number(motor),
             step: "reading sync manager 2",
             error,
         })?;
         if control & TRIGGERS_WATCHDOG == 0 {
-            return Err(BringUpError::WatchdogOff { motor: number(motor) });
+            return Err(BringUpError::WatchdogOff {
+                motor: number(motor),
+            });
         }
     }
     Ok(Ready { group, members })
@@ -375,19 +412,32 @@ pub(crate) async fn bring_up<const M: usize>(
 /// References that keep a drive where it stands, with the offsets that it has in force.
 pub(crate) const fn standing(initial: &Initial) -> Target {
     let position = initial.position.saturating_sub(initial.offset.position);
-    Target { position, offset: initial.offset }
+    Target {
+        position,
+        offset: initial.offset,
+    }
 }
 
 /// Finds every drive at its place, and compares its identity.
-fn places<const M: usize>(found: &[Found], drives: &[DriveConfig; M]) -> Result<[Member; M], BringUpError> {
+fn places<const M: usize>(
+    found: &[Found],
+    drives: &[DriveConfig; M],
+) -> Result<[Member; M], BringUpError> {
     let mut members = [Member::default(); M];
     for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
         let (motor, place) = (number(motor), drive.place);
         let mut here = found.iter().filter(|found| found.is_at(place));
         let Some(device) = here.next() else {
-            return Err(BringUpError::Missing { motor, place, found: number(found.len()) });
+            return Err(BringUpError::Missing {
+                motor,
+                place,
+                found: number(found.len()),
+            });
         };
-        let motors = drives.iter().filter(|other| device.is_at(other.place)).count();
+        let motors = drives
+            .iter()
+            .filter(|other| device.is_at(other.place))
+            .count();
         if here.next().is_some() || motors != 1 {
             return Err(BringUpError::Ambiguous { motor, place });
         }
@@ -402,23 +452,39 @@ fn places<const M: usize>(found: &[Found], drives: &[DriveConfig; M]) -> Result<
             });
         }
         if let Some(expected) = drive.serial.filter(|expected| *expected != device.serial) {
-            return Err(BringUpError::Serial { motor, place, expected, found: device.serial });
+            return Err(BringUpError::Serial {
+                motor,
+                place,
+                expected,
+                found: device.serial,
+            });
         }
         // The group has the drives in the order of the bus.
-        let before = found.iter().take_while(|other| other.station != device.station);
-        member.index = before.filter(|other| drives.iter().any(|drive| other.is_at(drive.place))).count();
+        let before = found
+            .iter()
+            .take_while(|other| other.station != device.station);
+        member.index = before
+            .filter(|other| drives.iter().any(|drive| other.is_at(drive.place)))
+            .count();
         member.station = device.station;
     }
     Ok(members)
 }
 
 /// Returns the first drive that reports an error of its state machine.
-async fn refusal<const M: usize>(main: &MainDevice<'static>, members: &[Member; M]) -> Option<BringUpError> {
+async fn refusal<const M: usize>(
+    main: &MainDevice<'static>,
+    members: &[Member; M],
+) -> Option<BringUpError> {
     for (motor, member) in members.iter().enumerate() {
         let (status, code) = al_status(main, member.station).await?;
         if status & 0x10 != 0 {
             let state = (status & 0x0F) as u8;
-            return Some(BringUpError::Refused { motor: number(motor), state, code: AlStatusCode::from(code) });
+            return Some(BringUpError::Refused {
+                motor: number(motor),
+                state,
+                code: AlStatusCode::from(code),
+            });
         }
     }
     None
@@ -426,8 +492,14 @@ async fn refusal<const M: usize>(main: &MainDevice<'static>, members: &[Member; 
 
 /// Reads AL status and its code.
 pub(crate) async fn al_status(main: &MainDevice<'static>, station: u16) -> Option<(u16, u16)> {
-    let status = Command::fprd(station, RegisterAddress::AlStatus.into()).receive::<u16>(main).await.ok()?;
-    let code = Command::fprd(station, RegisterAddress::AlStatusCode.into()).receive::<u16>(main).await.ok()?;
+    let status = Command::fprd(station, RegisterAddress::AlStatus.into())
+        .receive::<u16>(main)
+        .await
+        .ok()?;
+    let code = Command::fprd(station, RegisterAddress::AlStatusCode.into())
+        .receive::<u16>(main)
+        .await
+        .ok()?;
     Some((status, code))
 }
 
@@ -444,7 +516,11 @@ impl Setup<'_> {
     }
 
     /// Reads an object; `None` where the drive lacks it.
-    async fn object<T: EtherCrabWireReadSized>(&self, index: u16, sub: u8) -> Result<Option<T>, BringUpError> {
+    async fn object<T: EtherCrabWireReadSized>(
+        &self,
+        index: u16,
+        sub: u8,
+    ) -> Result<Option<T>, BringUpError> {
         match self.subdevice.sdo_read::<T>(index, sub).await {
             Ok(value) => Ok(Some(value)),
             Err(Error::Mailbox(MailboxError::Aborted {
@@ -458,10 +534,15 @@ impl Setup<'_> {
     /// Reads an object that every drive of CiA 402 has in this mode.
     async fn needed<T: EtherCrabWireReadSized>(&self, object: u16) -> Result<T, BringUpError> {
         let purpose = "which cyclic synchronous position mode needs";
-        (self.object(object, 0).await?).ok_or(BringUpError::MissingObject { motor: self.motor, object, purpose })
+        (self.object(object, 0).await?).ok_or(BringUpError::MissingObject {
+            motor: self.motor,
+            object,
+            purpose,
+        })
     }
 
-    /// Asks a drive for its objects and for the values in force, and compares its set-up with what is expected.
+    /// Asks a drive for its objects and for the values in force, and compares its set-up with what
+    /// is expected.
     async fn ask(&self, drive: &DriveConfig) -> Result<(Mapping, Initial), BringUpError> {
         let motor = self.motor;
         let position = self.needed::<i32>(0x6064).await?;
@@ -470,30 +551,57 @@ impl Setup<'_> {
         let position_offset = self.object::<i32>(0x60B0, 0).await?;
         let velocity_offset = self.object::<i32>(0x60B1, 0).await?;
         let torque_offset = self.object::<i16>(0x60B2, 0).await?;
-        let lacks = |object, purpose| Err(BringUpError::MissingObject { motor, object, purpose });
         if drive.needs_velocity_offset && velocity_offset.is_none() {
-            return lacks(0x60B1, "but its axis has velocity offsets; set axes.velocity.max_um_s of the axis to 0");
+            let purpose =
+                "but its axis has velocity offsets; set axes.velocity.max_um_s of the axis to 0";
+            return Err(BringUpError::MissingObject {
+                motor,
+                object: 0x60B1,
+                purpose,
+            });
         }
         if drive.needs_torque_offset && torque_offset.is_none() {
-            return lacks(0x60B2, "but its axis has torque offsets; set axes.torque.max_permille of the axis to 0");
+            let purpose =
+                "but its axis has torque offsets; set axes.torque.max_permille of the axis to 0";
+            return Err(BringUpError::MissingObject {
+                motor,
+                object: 0x60B2,
+                purpose,
+            });
         }
         if let Some(expected) = drive.counts_per_turn {
             let counts = self.object::<u32>(0x608F, 1).await?;
             let turns = self.object::<u32>(0x608F, 2).await?;
             let (Some(counts), Some(turns)) = (counts, turns) else {
-                return lacks(0x608F, "with which counts_per_turn is compared; leave counts_per_turn out");
+                let purpose = "with which counts_per_turn is compared; leave counts_per_turn out";
+                return Err(BringUpError::MissingObject {
+                    motor,
+                    object: 0x608F,
+                    purpose,
+                });
             };
             let found = counts.checked_div(turns).unwrap_or(0);
             if found != expected {
-                return Err(BringUpError::Encoder { motor, expected, found });
+                return Err(BringUpError::Encoder {
+                    motor,
+                    expected,
+                    found,
+                });
             }
         }
-        let limits = (self.object::<i32>(0x607D, 1).await?, self.object::<i32>(0x607D, 2).await?);
+        let limits = (
+            self.object::<i32>(0x607D, 1).await?,
+            self.object::<i32>(0x607D, 2).await?,
+        );
         if let (Some(lower), Some(upper)) = limits {
             let (travel, limits) = (drive.travel, (lower, upper));
             // Equal ends: the drive has none.
             if lower != upper && (travel.0 < lower || travel.1 > upper) {
-                return Err(BringUpError::SoftwareLimits { motor, travel, limits });
+                return Err(BringUpError::SoftwareLimits {
+                    motor,
+                    travel,
+                    limits,
+                });
             }
         }
         let mapping = Mapping {
@@ -507,14 +615,28 @@ impl Setup<'_> {
             velocity: velocity_offset.unwrap_or(0),
             torque: torque_offset.unwrap_or(0),
         };
-        Ok((mapping, Initial { position, offset, has_position_offset: mapping.position_offset }))
+        Ok((
+            mapping,
+            Initial {
+                position,
+                offset,
+                has_position_offset: mapping.position_offset,
+            },
+        ))
     }
 
     /// Writes the mapping: assignment and contents to zero, contents, their number, assignment.
     async fn map(&self, mapping: Mapping) -> Result<(), BringUpError> {
-        self.subdevice.sdo_write(0x6060, 0, CSP).await.map_err(self.failed("setting the mode of operation (6060h)"))?;
-        self.map_pdo(0x1C12, 0x1600, &mapping.outputs()).await.map_err(self.failed("mapping outputs (1600h)"))?;
-        self.map_pdo(0x1C13, 0x1A00, &mapping.inputs()).await.map_err(self.failed("mapping inputs (1A00h)"))
+        self.subdevice
+            .sdo_write(0x6060, 0, CSP)
+            .await
+            .map_err(self.failed("setting the mode of operation (6060h)"))?;
+        self.map_pdo(0x1C12, 0x1600, &mapping.outputs())
+            .await
+            .map_err(self.failed("mapping outputs (1600h)"))?;
+        self.map_pdo(0x1C13, 0x1A00, &mapping.inputs())
+            .await
+            .map_err(self.failed("mapping inputs (1A00h)"))
     }
 
     async fn map_pdo(&self, assignment: u16, pdo: u16, entries: &[u32]) -> Result<(), Error> {
@@ -532,19 +654,40 @@ impl Setup<'_> {
 
     /// Writes the watchdog of the outputs, and reads it back.
     async fn set_watchdog(&self, settings: &Settings) -> Result<(), BringUpError> {
-        let failed = || self.failed("setting the watchdog");
+        const ACTION: &str = "setting the watchdog";
         let wanted_us = settings.watchdog_us();
         let ticks = u16::try_from(wanted_us / WATCHDOG_TICK_US).unwrap_or(u16::MAX);
-        let (divider, time) = (RegisterAddress::WatchdogDivider, RegisterAddress::SyncManagerWatchdog);
-        self.subdevice.register_write(divider, DIVIDER).await.map_err(failed())?;
-        self.subdevice.register_write(time, ticks).await.map_err(failed())?;
-        let divider: u16 = self.subdevice.register_read(divider).await.map_err(failed())?;
-        let time: u16 = self.subdevice.register_read(time).await.map_err(failed())?;
+        let (divider, time) = (
+            RegisterAddress::WatchdogDivider,
+            RegisterAddress::SyncManagerWatchdog,
+        );
+        self.subdevice
+            .register_write(divider, DIVIDER)
+            .await
+            .map_err(self.failed(ACTION))?;
+        self.subdevice
+            .register_write(time, ticks)
+            .await
+            .map_err(self.failed(ACTION))?;
+        let divider: u16 = self
+            .subdevice
+            .register_read(divider)
+            .await
+            .map_err(self.failed(ACTION))?;
+        let time: u16 = self
+            .subdevice
+            .register_read(time)
+            .await
+            .map_err(self.failed(ACTION))?;
         let found_us = (u32::from(divider) + 2) * u32::from(time) / 25;
         if found_us == wanted_us && time > 0 {
             Ok(())
         } else {
-            Err(BringUpError::WatchdogTime { motor: self.motor, wanted_us, found_us })
+            Err(BringUpError::WatchdogTime {
+                motor: self.motor,
+                wanted_us,
+                found_us,
+            })
         }
     }
 }
@@ -552,6 +695,9 @@ impl Setup<'_> {
 impl Initial {
     /// Returns the measurements that a drive begins with: its position, at rest.
     pub(crate) fn input(&self) -> Input {
-        Input { position: self.position, ..Input::default() }
+        Input {
+            position: self.position,
+            ..Input::default()
+        }
     }
 }

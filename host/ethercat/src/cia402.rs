@@ -58,7 +58,8 @@ impl PowerState {
         }
     }
 
-    /// Returns the control word that goes one state further towards operation enabled. The reset of a fault is an edge: `reset` alternates.
+    /// Returns the control word that goes one state further towards operation enabled. The reset of
+    /// a fault is an edge: `reset` alternates.
     pub(crate) const fn towards_operation(self, reset: bool) -> u16 {
         match self {
             Self::Fault if reset => 0x80,
@@ -150,27 +151,54 @@ impl Mapping {
         [
             entry(0x6040, 16),
             entry(0x607A, 32),
-            if self.position_offset { entry(0x60B0, 32) } else { 0 },
-            if self.velocity_offset { entry(0x60B1, 32) } else { 0 },
-            if self.torque_offset { entry(0x60B2, 16) } else { 0 },
+            if self.position_offset {
+                entry(0x60B0, 32)
+            } else {
+                0
+            },
+            if self.velocity_offset {
+                entry(0x60B1, 32)
+            } else {
+                0
+            },
+            if self.torque_offset {
+                entry(0x60B2, 16)
+            } else {
+                0
+            },
             entry(0x6060, 8),
         ]
     }
 
-    /// Returns the entries of the inputs, likewise.
+    /// Returns the entries of the inputs, in order; zeros for those that are left out.
     pub(crate) const fn inputs(self) -> [u32; 6] {
-        let error_code = if self.error_code { entry(0x603F, 16) } else { 0 };
-        [entry(0x6041, 16), entry(0x6064, 32), entry(0x606C, 32), entry(0x6077, 16), entry(0x6061, 8), error_code]
+        let error_code = if self.error_code {
+            entry(0x603F, 16)
+        } else {
+            0
+        };
+        [
+            entry(0x6041, 16),
+            entry(0x6064, 32),
+            entry(0x606C, 32),
+            entry(0x6077, 16),
+            entry(0x6061, 8),
+            error_code,
+        ]
     }
 
-    /// Writes a drive's outputs. False unless they fit: the process image has another length than was mapped.
+    /// Writes a drive's outputs. False unless they fit: the process image has another length than
+    /// was mapped.
     pub(crate) fn pack(self, control: u16, target: &Target, room: &mut [u8]) -> bool {
         let Target { position, offset } = *target;
         let sum = position.saturating_add(offset.position);
         let mut room = Room(Some(room));
         room.put(&control.to_le_bytes());
         room.put(&(if self.position_offset { position } else { sum }).to_le_bytes());
-        for (is_mapped, value) in [(self.position_offset, offset.position), (self.velocity_offset, offset.velocity)] {
+        for (is_mapped, value) in [
+            (self.position_offset, offset.position),
+            (self.velocity_offset, offset.velocity),
+        ] {
             if is_mapped {
                 room.put(&value.to_le_bytes());
             }
@@ -189,7 +217,11 @@ impl Mapping {
         let (velocity, rest) = rest.split_first_chunk()?;
         let (torque, rest) = rest.split_first_chunk()?;
         let (mode, rest) = rest.split_first_chunk()?;
-        let (error_code, rest) = if self.error_code { rest.split_first_chunk()? } else { (&[0, 0], rest) };
+        let (error_code, rest) = if self.error_code {
+            rest.split_first_chunk()?
+        } else {
+            (&[0, 0], rest)
+        };
         rest.is_empty().then(|| Input {
             status: u16::from_le_bytes(*status),
             position: i32::from_le_bytes(*position),
@@ -240,26 +272,64 @@ mod tests {
 
     #[test]
     fn outputs_are_packed_as_they_are_mapped() {
-        let target = Target { position: 0x0102_0304, offset: Offset { position: -2, velocity: 5, torque: -1 } };
-        let all = Mapping { position_offset: true, velocity_offset: true, torque_offset: true, error_code: true };
+        let target = Target {
+            position: 0x0102_0304,
+            offset: Offset {
+                position: -2,
+                velocity: 5,
+                torque: -1,
+            },
+        };
+        let all = Mapping {
+            position_offset: true,
+            velocity_offset: true,
+            torque_offset: true,
+            error_code: true,
+        };
         let mut bytes = [0xAA; 17];
         assert!(all.pack(0x0F, &target, &mut bytes));
-        assert_eq!(bytes, [15, 0, 4, 3, 2, 1, 254, 255, 255, 255, 5, 0, 0, 0, 255, 255, 8]);
+        assert_eq!(
+            bytes,
+            [
+                15, 0, 4, 3, 2, 1, 254, 255, 255, 255, 5, 0, 0, 0, 255, 255, 8
+            ]
+        );
         let mut bytes = [0xAA; 7];
         assert!(Mapping::default().pack(0x0F, &target, &mut bytes));
         assert_eq!(bytes, [15, 0, 2, 3, 2, 1, 8], "the sum");
         for length in [6, 8] {
-            assert!(!Mapping::default().pack(0x0F, &target, &mut vec![0; length]), "{length}");
+            assert!(
+                !Mapping::default().pack(0x0F, &target, &mut vec![0; length]),
+                "{length}"
+            );
         }
     }
 
     #[test]
     fn inputs_have_the_mapped_length() {
-        let bytes = [0x37, 0x12, 1, 0, 0, 0, 2, 0, 0, 0, 0xFF, 0xFF, 8, 0x11, 0x86];
-        let with_code = Mapping { error_code: true, ..Mapping::default() };
+        let bytes = [
+            0x37, 0x12, 1, 0, 0, 0, 2, 0, 0, 0, 0xFF, 0xFF, 8, 0x11, 0x86,
+        ];
+        let with_code = Mapping {
+            error_code: true,
+            ..Mapping::default()
+        };
         let input = with_code.unpack(&bytes).unwrap();
-        assert_eq!(input, Input { status: 0x1237, position: 1, velocity: 2, torque: -1, mode: 8, error_code: 0x8611 });
+        assert_eq!(
+            input,
+            Input {
+                status: 0x1237,
+                position: 1,
+                velocity: 2,
+                torque: -1,
+                mode: 8,
+                error_code: 0x8611
+            }
+        );
         assert_eq!(Mapping::default().unpack(&bytes), None);
-        assert_eq!(Mapping::default().unpack(&bytes[..13]).unwrap().error_code, 0);
+        assert_eq!(
+            Mapping::default().unpack(&bytes[..13]).unwrap().error_code,
+            0
+        );
     }
 }

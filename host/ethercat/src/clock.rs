@@ -1,7 +1,8 @@
-//! Clock behind ethercrab's timers: that of the wire, as the pump has told it last.
+//! Clock behind ethercrab's timers: that of the wire, as the pump has set it last.
 //!
-//! A timer of ethercrab asks this clock whenever it is polled, and the pump polls all the time; so no timer need wake anybody, and there is
-//! neither a thread nor a lock nor a queue behind them. The clock belongs to the thread that pumps.
+//! A timer of ethercrab asks this clock whenever it is polled, and the pump polls all the time; so
+//! no timer need wake anybody, and there is neither a thread nor a lock nor a queue behind them.
+//! The clock belongs to the thread that pumps.
 
 use std::cell::Cell;
 use std::task::Waker;

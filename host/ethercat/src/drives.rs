@@ -1,4 +1,5 @@
-//! The drives in operation: one exchange per cycle, compared and judged; their states; and the way back after a fault.
+//! The drives in operation: one exchange per cycle, compared and judged; their states; and the way
+//! back after a fault.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
@@ -6,12 +7,13 @@ use std::time::Duration;
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, SafeOp};
 use ethercrab::{
-    Command, DefaultLock, MainDevice, MainDeviceConfig, PduStorage, RegisterAddress, RetryBehaviour, SubDeviceGroup,
-    SubDeviceState, Timeouts, TxRxResponse,
+    Command, DefaultLock, MainDevice, MainDeviceConfig, PduStorage, RegisterAddress,
+    RetryBehaviour, SubDeviceGroup, SubDeviceState, Timeouts, TxRxResponse,
 };
 
 use crate::bring_up::{
-    BringUpError, DriveConfig, Initial, MAX_IMAGE, MAX_SUBDEVICES, Member, Ready, Settings, al_status, bring_up, number,
+    BringUpError, DriveConfig, Initial, MAX_IMAGE, MAX_SUBDEVICES, Member, Ready, Settings,
+    al_status, bring_up, number,
 };
 use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
 use crate::fault::Fault;
@@ -22,7 +24,8 @@ use crate::wire::Wire;
 const FRAMES: usize = 16;
 /// Longest frame's data: more than the longest process image with the states of all SubDevices.
 const FRAME_DATA: usize = PduStorage::element_size(1_100);
-/// Resends of a lost frame during a bring-up. In a cycle nothing is sent twice: its time is over before.
+/// Resends of a lost frame during a bring-up. In a cycle nothing is sent twice: its time is over
+/// before.
 const RESENDS: usize = 10;
 /// Time for a bring-up, s.
 const BRING_UP_S: u32 = 60;
@@ -30,7 +33,8 @@ const BRING_UP_S: u32 = 60;
 const ENABLE_CYCLES: u32 = 3_000;
 /// Cycles for the way back at an orderly end.
 const DISABLE_CYCLES: u32 = 50;
-/// What every drive adds to the working counter of an exchange: 1 for its inputs, 2 for its outputs.
+/// Share of every drive in the working counter of an exchange: 1 for its inputs, 2 for its
+/// outputs.
 const COUNTS_PER_DRIVE: u16 = 3;
 /// AL control: requests, and the acknowledgement of an error.
 const INIT: u16 = 0x01;
@@ -62,7 +66,8 @@ enum Group {
 
 /// The drives of `M` motors on a bus.
 ///
-/// One [`cycle`](Self::cycle) sends one frame and waits for its answer at most [`Settings::answer_us`]; it neither allocates nor locks.
+/// One [`cycle`](Self::cycle) sends one frame and waits for its answer at most
+/// [`Settings::answer_us`]; it neither allocates nor locks.
 pub struct Drives<W: Wire, const M: usize> {
     pump: Pump<W>,
     main: &'static MainDevice<'static>,
@@ -83,19 +88,27 @@ pub struct Drives<W: Wire, const M: usize> {
 }
 
 impl<W: Wire, const M: usize> Drives<W, M> {
-    /// Brings drives to SAFE-OP: looks for them, compares them with `drives`, reads the offsets in force, maps process data, sets the
-    /// watchdogs. Blocks for some seconds. Memory of about 20 KiB per call is kept to the end of the process.
+    /// Brings drives to SAFE-OP: looks for them, compares them with `drives`, reads the offsets in
+    /// force, maps process data, sets the watchdogs. Blocks for some seconds. Memory of about 20
+    /// KiB per call is kept to the end of the process.
     ///
     /// # Errors
     /// [`BringUpError`], with the motor that it concerns.
-    pub fn bring_up(wire: W, drives: &[DriveConfig; M], settings: Settings) -> Result<Self, BringUpError> {
+    pub fn bring_up(
+        wire: W,
+        drives: &[DriveConfig; M],
+        settings: Settings,
+    ) -> Result<Self, BringUpError> {
         let cycles = settings.watchdog_cycles;
         let is_whole = settings.watchdog_us() % 100 == 0;
         if !(1..=Settings::MAX_WATCHDOG_CYCLES).contains(&cycles) || !is_whole {
             return Err(BringUpError::Watchdog { cycles });
         }
-        let storage: &'static PduStorage<FRAMES, FRAME_DATA> = Box::leak(Box::new(PduStorage::new()));
-        let Ok((tx, rx, pdu_loop)) = storage.try_split() else { return Err(BringUpError::Unhandled) };
+        let storage: &'static PduStorage<FRAMES, FRAME_DATA> =
+            Box::leak(Box::new(PduStorage::new()));
+        let Ok((tx, rx, pdu_loop)) = storage.try_split() else {
+            return Err(BringUpError::Unhandled);
+        };
         let timeouts = Timeouts {
             state_transition: Duration::from_secs(3),
             // Longer than a cycle waits, so that none sends twice.
@@ -104,15 +117,21 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             ..Timeouts::default()
         };
         // Distributed clocks are not used.
-        let config = MainDeviceConfig { dc_static_sync_iterations: 0, retry_behaviour: RetryBehaviour::Count(RESENDS) };
-        let main: &'static MainDevice<'static> = Box::leak(Box::new(MainDevice::new(pdu_loop, timeouts, config)));
+        let config = MainDeviceConfig {
+            dc_static_sync_iterations: 0,
+            retry_behaviour: RetryBehaviour::Count(RESENDS),
+        };
+        let main: &'static MainDevice<'static> =
+            Box::leak(Box::new(MainDevice::new(pdu_loop, timeouts, config)));
         let mut pump = Pump::new(wire, tx, rx);
         let future = bring_up(main, drives, &settings);
         let limit_us = u64::from(BRING_UP_S) * 1_000_000;
         // ethercrab asserts that no emergency message stands between a request and its answer.
         let outcome = catch_unwind(AssertUnwindSafe(|| pump.run(future, limit_us)));
         let outcome = outcome.map_err(|_| BringUpError::Unhandled)?;
-        let Ready { group, members } = outcome.ok_or(BringUpError::Overdue { seconds: BRING_UP_S })??;
+        let Ready { group, members } = outcome.ok_or(BringUpError::Overdue {
+            seconds: BRING_UP_S,
+        })??;
         let sent = members.map(|member| crate::bring_up::standing(&member.initial));
         Ok(Self {
             pump,
@@ -160,7 +179,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         self.is_confirmed
     }
 
-    /// True if the coming [`cycle`](Self::cycle) sends its `targets`; false if it sends those again that were sent before.
+    /// True if the coming [`cycle`](Self::cycle) sends its `targets`; false if it sends those again
+    /// that were sent before.
     #[must_use]
     pub const fn takes_targets(&self) -> bool {
         match self.condition {
@@ -175,9 +195,10 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         &mut self.pump.wire
     }
 
-    /// Brings the drives to OP and enables them, at the references of `standing`, which gets their measurements. Blocks for some tenths of
-    /// a second; the first [`cycle`](Self::cycle) must follow within the time of the watchdog. A drive in fault is left there:
-    /// the condition is then [`Condition::Stopped`].
+    /// Brings the drives to OP and enables them, at the references of `standing`, which gets their
+    /// measurements. Blocks for some tenths of a second; the first [`cycle`](Self::cycle) must
+    /// follow within the time of the watchdog. A drive in fault is left there: the condition is
+    /// then [`Condition::Stopped`].
     pub fn start(&mut self, mut standing: impl FnMut(&[Input; M]) -> [Target; M]) {
         let first = standing(&self.inputs);
         // Outputs that are valid before OP is asked for.
@@ -227,34 +248,49 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         }
     }
 
-    /// Exchanges process data once. While the drives run, they get `targets`; after a fault they are stopped, at the references that they
-    /// had; after a re-arm `targets` must be where the motors stand, and they are enabled there.
+    /// Exchanges process data once. While the drives run, they get `targets`; after a fault they
+    /// are stopped, at the references that they had; after a re-arm `targets` must be where the
+    /// motors stand, and they are enabled there.
     ///
-    /// After a frame without a right answer it is not known which drives have its references. They are sent again, instead of `targets`, until
-    /// an answer confirms them: so no drive ever makes the way of two cycles at once.
+    /// After a frame without a right answer it is not known which drives have its references. They
+    /// are sent again, instead of `targets`, until an answer confirms them: so no drive ever makes
+    /// the way of two cycles at once.
     ///
     /// # Errors
-    /// [`Fault`]: the drives do not have `targets`, as far as it is known, or do not follow them; [`Fault::Resent`] when they were not sent,
-    /// and the measurements are good. After faults of more than one cycle the drives are stopped until a re-arm.
+    /// [`Fault`]: the drives do not have `targets`, as far as it is known, or do not follow them;
+    /// [`Fault::Resent`] when they were not sent, and the measurements are good. After faults of
+    /// more than one cycle the drives are stopped until a re-arm.
     pub fn cycle(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
         match self.condition {
             Condition::Prepared => Err(Fault::NotStarted),
             Condition::Running => {
                 let resends = !self.is_confirmed;
                 let sent = if resends { self.sent } else { *targets };
-                let outcome = self.exchange(&[control::ENABLED; M], &sent).and_then(|()| self.judge());
-                self.missed = if outcome.is_ok() { 0 } else { self.missed.saturating_add(1) };
+                let outcome = self
+                    .exchange(&[control::ENABLED; M], &sent)
+                    .and_then(|()| self.judge());
+                self.missed = if outcome.is_ok() {
+                    0
+                } else {
+                    self.missed.saturating_add(1)
+                };
                 if let Err(fault) = outcome {
                     if !fault.is_of_one_cycle() || self.missed >= self.settings.watchdog_cycles {
                         self.condition = Condition::Stopped(fault);
                     }
                 }
-                if resends { outcome.and(Err(Fault::Resent)) } else { outcome }
+                if resends {
+                    outcome.and(Err(Fault::Resent))
+                } else {
+                    outcome
+                }
             }
             Condition::Stopped(fault) => {
                 let held = self.sent;
                 let stop = self.inputs.map(|input| match input.state() {
-                    PowerState::OperationEnabled | PowerState::QuickStopActive => control::QUICK_STOP,
+                    PowerState::OperationEnabled | PowerState::QuickStopActive => {
+                        control::QUICK_STOP
+                    }
                     _ => 0,
                 });
                 let _seen = self.exchange(&stop, &held);
@@ -265,8 +301,14 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     }
 
     /// Goes one step from SAFE-OP, or a fault, towards operation enabled.
-    fn step_towards_operation(&mut self, targets: &[Target; M], may_reset: bool) -> Result<(), Fault> {
-        let Condition::Rearming { cycles } = self.condition else { return Err(Fault::NotStarted) };
+    fn step_towards_operation(
+        &mut self,
+        targets: &[Target; M],
+        may_reset: bool,
+    ) -> Result<(), Fault> {
+        let Condition::Rearming { cycles } = self.condition else {
+            return Err(Fault::NotStarted);
+        };
         let all_operational = self.states.iter().all(|state| *state == 8);
         // The reset is an edge, a cycle in eight.
         let resets = may_reset && cycles % 8 == 4;
@@ -277,7 +319,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             state => state.towards_operation(resets),
         });
         let outcome = self.exchange(&commands, targets);
-        self.condition = Condition::Rearming { cycles: cycles.saturating_add(1) };
+        self.condition = Condition::Rearming {
+            cycles: cycles.saturating_add(1),
+        };
         let fault = match outcome {
             Ok(()) => match self.judge() {
                 Ok(()) => {
@@ -285,13 +329,21 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                     self.missed = 0;
                     return Ok(());
                 }
-                Err(fault @ Fault::Drive { .. } | fault @ Fault::FollowingError { .. }) if !may_reset => {
+                Err(fault @ Fault::Drive { .. } | fault @ Fault::FollowingError { .. })
+                    if !may_reset =>
+                {
                     self.condition = Condition::Stopped(fault);
                     return Err(fault);
                 }
                 Err(fault) => fault,
             },
-            Err(fault @ Fault::State { motor, state: 4 | 8, .. }) => {
+            Err(
+                fault @ Fault::State {
+                    motor,
+                    state: 4 | 8,
+                    ..
+                },
+            ) => {
                 self.lead(motor);
                 fault
             }
@@ -310,10 +362,17 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// Acknowledges the error of a drive, or asks it for OP, once.
     fn lead(&mut self, motor: u8) {
         let index = usize::from(motor);
-        let (Some(member), Some(requested)) = (self.members.get(index), self.requested.get_mut(index)) else { return };
-        let (station, main) = (member.station, self.main);
+        let (Some(member), Some(requested)) =
+            (self.members.get(index), self.requested.get_mut(index))
+        else {
+            return;
+        };
+        let station = member.station;
+        let main = self.main;
         let limit_us = u64::from(self.settings.answer_us);
-        let Some(Some((status, _))) = self.pump.run(al_status(main, station), limit_us) else { return };
+        let Some(Some((status, _))) = self.pump.run(al_status(main, station), limit_us) else {
+            return;
+        };
         let request = match (status & 0x10 != 0, *requested) {
             (true, _) => ACKNOWLEDGE_IN_SAFE_OP,
             (false, false) => OPERATIONAL,
@@ -324,9 +383,11 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         let _sent = self.pump.run(write, limit_us);
     }
 
-    /// Sends one frame and compares its answer. Measurements are taken over only if the working counter is right.
+    /// Sends one frame and compares its answer. Measurements are taken over only if the working
+    /// counter is right.
     fn exchange(&mut self, commands: &[u16; M], targets: &[Target; M]) -> Result<(), Fault> {
-        // An answer that comes too late is none of this frame: it has the index of its own datagrams, and ethercrab takes no other.
+        // An answer that comes too late does not belong to this frame: it has the index of its own
+        // datagrams, and ethercrab takes no other.
         (self.sent, self.is_confirmed) = (*targets, false);
         if !self.pack(commands, targets) {
             return Err(Fault::Image);
@@ -337,25 +398,42 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             Group::Op(group) => self.pump.run(group.tx_rx(self.main), limit_us),
             Group::Lost => None,
         };
-        let Some(Ok(answer)) = answer else { return Err(Fault::NoAnswer) };
-        self.take(&answer)
+        let Some(Ok(answer)) = answer else {
+            return Err(Fault::NoAnswer);
+        };
+        self.apply_answer(&answer)
     }
 
     fn pack(&self, commands: &[u16; M], targets: &[Target; M]) -> bool {
-        self.members.iter().zip(commands.iter().zip(targets)).all(|(member, (command, target))| match &self.group {
-            Group::SafeOp(group) => group
-                .subdevice(self.main, member.index)
-                .is_ok_and(|drive| member.mapping.pack(*command, target, &mut drive.outputs_raw_mut())),
-            Group::Op(group) => group
-                .subdevice(self.main, member.index)
-                .is_ok_and(|drive| member.mapping.pack(*command, target, &mut drive.outputs_raw_mut())),
-            Group::Lost => false,
-        })
+        self.members
+            .iter()
+            .zip(commands.iter().zip(targets))
+            .all(|(member, (command, target))| match &self.group {
+                Group::SafeOp(group) => {
+                    group.subdevice(self.main, member.index).is_ok_and(|drive| {
+                        member
+                            .mapping
+                            .pack(*command, target, &mut drive.outputs_raw_mut())
+                    })
+                }
+                Group::Op(group) => group.subdevice(self.main, member.index).is_ok_and(|drive| {
+                    member
+                        .mapping
+                        .pack(*command, target, &mut drive.outputs_raw_mut())
+                }),
+                Group::Lost => false,
+            })
     }
 
-    /// Judges an answer: states, then the counter; then takes the measurements over.
-    fn take(&mut self, answer: &TxRxResponse<MAX_SUBDEVICES>) -> Result<(), Fault> {
-        let states = self.members.map(|member| answer.subdevice_states.get(member.index).copied().map_or(0, code_of));
+    /// Applies an answer: states, then the working counter, then the measurements.
+    fn apply_answer(&mut self, answer: &TxRxResponse<MAX_SUBDEVICES>) -> Result<(), Fault> {
+        let states = self.members.map(|member| {
+            answer
+                .subdevice_states
+                .get(member.index)
+                .copied()
+                .map_or(0, code_of)
+        });
         self.states = states;
         let expected = COUNTS_PER_DRIVE.saturating_mul(M as u16);
         let received = answer.working_counter;
@@ -364,14 +442,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         let mut fresh = self.inputs;
         if received == expected {
             for (input, member) in fresh.iter_mut().zip(&self.members) {
-                let read = |bytes: &[u8]| member.mapping.unpack(bytes);
                 let taken = match &self.group {
-                    Group::SafeOp(group) => {
-                        group.subdevice(self.main, member.index).ok().and_then(|drive| read(&drive.inputs_raw()))
-                    }
-                    Group::Op(group) => {
-                        group.subdevice(self.main, member.index).ok().and_then(|drive| read(&drive.inputs_raw()))
-                    }
+                    Group::SafeOp(group) => group
+                        .subdevice(self.main, member.index)
+                        .ok()
+                        .and_then(|drive| member.mapping.unpack(&drive.inputs_raw())),
+                    Group::Op(group) => group
+                        .subdevice(self.main, member.index)
+                        .ok()
+                        .and_then(|drive| member.mapping.unpack(&drive.inputs_raw())),
                     Group::Lost => None,
                 };
                 *input = taken.ok_or(Fault::Image)?;
@@ -385,7 +464,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             return Err(self.state_fault(motor));
         }
         match absent {
-            Some(motor) => Err(Fault::Absent { motor: number(motor) }),
+            Some(motor) => Err(Fault::Absent {
+                motor: number(motor),
+            }),
             None if received != expected => Err(Fault::WorkingCounter { expected, received }),
             None => Ok(()),
         }
@@ -393,24 +474,38 @@ impl<W: Wire, const M: usize> Drives<W, M> {
 
     /// Asks a drive that left OP for its reason.
     fn state_fault(&mut self, motor: usize) -> Fault {
-        let (main, limit_us) = (self.main, u64::from(self.settings.answer_us));
+        let main = self.main;
+        let limit_us = u64::from(self.settings.answer_us);
         let station = self.members.get(motor).map_or(0, |member| member.station);
-        let (status, code) = self.pump.run(al_status(main, station), limit_us).flatten().unwrap_or((0, 0));
-        Fault::State { motor: number(motor), state: (status & 0x0F) as u8, code }
+        let (status, code) = self
+            .pump
+            .run(al_status(main, station), limit_us)
+            .flatten()
+            .unwrap_or((0, 0));
+        Fault::State {
+            motor: number(motor),
+            state: (status & 0x0F) as u8,
+            code,
+        }
     }
 
-    /// Judges the status words and the modes: all must be in operation enabled, in cyclic synchronous position mode.
+    /// Judges the status words and the modes: all must be in operation enabled, in cyclic
+    /// synchronous position mode.
     fn judge(&self) -> Result<(), Fault> {
         for (motor, input) in self.inputs.iter().enumerate() {
             let motor = number(motor);
             match input.state() {
                 PowerState::SwitchedOn | PowerState::OperationEnabled if input.mode != CSP => {
-                    return Err(Fault::Mode { motor, mode: input.mode });
+                    return Err(Fault::Mode {
+                        motor,
+                        mode: input.mode,
+                    });
                 }
                 PowerState::OperationEnabled => {}
                 PowerState::Fault | PowerState::FaultReactionActive => {
                     let error_code = input.error_code;
-                    let follows_not = error_code == 0x8611 || error_code == 0 && input.status & FOLLOWING_ERROR != 0;
+                    let follows_not = error_code == 0x8611
+                        || error_code == 0 && input.status & FOLLOWING_ERROR != 0;
                     return Err(if follows_not {
                         Fault::FollowingError { motor }
                     } else {
@@ -433,7 +528,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                     PowerState::OperationEnabled | PowerState::SwitchedOn => control::SHUTDOWN,
                     _ => 0,
                 });
-                if self.exchange(&shutdown, &held).is_err() || shutdown.iter().all(|word| *word == 0) {
+                if self.exchange(&shutdown, &held).is_err()
+                    || shutdown.iter().all(|word| *word == 0)
+                {
                     break;
                 }
                 self.pump.wire.begin_cycles(1, cycle_us);
@@ -441,8 +538,11 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                 self.pump.wire.wait_until(next_us);
             }
         }
-        let init = Command::bwr(RegisterAddress::AlControl.into()).ignore_wkc().send(self.main, INIT);
-        let _sent: Option<Result<(), Error>> = self.pump.run(init, u64::from(self.settings.answer_us));
+        let init = Command::bwr(RegisterAddress::AlControl.into())
+            .ignore_wkc()
+            .send(self.main, INIT);
+        let _sent: Option<Result<(), Error>> =
+            self.pump.run(init, u64::from(self.settings.answer_us));
     }
 }
 

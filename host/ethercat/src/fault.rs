@@ -11,7 +11,8 @@ use crate::cia402::{CSP, PowerState};
 pub enum Fault {
     /// No answer came in time.
     NoAnswer,
-    /// An answer came, and its working counter is wrong: at least one drive did not take the references, or did not give its measurements.
+    /// An answer came, and its working counter is wrong: at least one drive did not take the
+    /// references, or did not give its measurements.
     WorkingCounter {
         /// Number that the drives together add.
         expected: u16,
@@ -44,7 +45,8 @@ pub enum Fault {
         /// The motor.
         motor: u8,
     },
-    /// A drive is in another mode of operation than cyclic synchronous position: it would take the references for something else.
+    /// A drive is in another mode of operation than cyclic synchronous position: it would take the
+    /// references for something else.
     Mode {
         /// The motor.
         motor: u8,
@@ -58,7 +60,8 @@ pub enum Fault {
         /// Its state.
         state: PowerState,
     },
-    /// The references of a frame without a right answer were sent again, in place of those of this cycle, and the drives have them.
+    /// The references of a frame without a right answer were sent again, in place of those of this
+    /// cycle, and the drives have them.
     Resent,
     /// The process image has another length than was mapped.
     Image,
@@ -72,7 +75,10 @@ impl Fault {
     /// True for a fault that one cycle can have and the next one not: nothing but a frame is lost.
     #[must_use]
     pub const fn is_of_one_cycle(&self) -> bool {
-        matches!(self, Self::NoAnswer | Self::WorkingCounter { .. } | Self::Absent { .. })
+        matches!(
+            self,
+            Self::NoAnswer | Self::WorkingCounter { .. } | Self::Absent { .. }
+        )
     }
 
     /// Returns the motor that it concerns.
@@ -132,11 +138,19 @@ impl fmt::Display for Fault {
         }
         f.write_str(self.name())?;
         match self {
-            Self::WorkingCounter { expected, received } => write!(f, " ({received}, expected {expected})"),
-            Self::State { state, code, .. } => {
-                write!(f, " (state {state}, AL status code {})", AlStatusCode::from(*code))
+            Self::WorkingCounter { expected, received } => {
+                write!(f, " ({received}, expected {expected})")
             }
-            Self::Drive { error_code, .. } if *error_code != 0 => write!(f, " (error code {error_code:04X}h)"),
+            Self::State { state, code, .. } => {
+                write!(
+                    f,
+                    " (state {state}, AL status code {})",
+                    AlStatusCode::from(*code)
+                )
+            }
+            Self::Drive { error_code, .. } if *error_code != 0 => {
+                write!(f, " (error code {error_code:04X}h)")
+            }
             Self::Mode { mode, .. } => write!(f, " (6061h: {mode}, expected {CSP})"),
             Self::NotEnabled { state, .. } => write!(f, " ({})", state.name()),
             _ => Ok(()),

@@ -1,7 +1,11 @@
 #![doc = include_str!("../README.md")]
 #![cfg(target_os = "linux")]
 #![forbid(unsafe_code)]
-#![deny(clippy::print_stdout, clippy::print_stderr, reason = "they panic when the stream fails")]
+#![deny(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "they panic when the stream fails"
+)]
 #![allow(
     clippy::arithmetic_side_effects,
     clippy::as_conversions,

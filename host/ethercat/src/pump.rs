@@ -11,7 +11,7 @@ use crate::clock;
 use crate::wire::Wire;
 
 /// Longest frame, bytes.
-const LONGEST: usize = 1_536;
+const MAX_FRAME: usize = 1_536;
 /// Longest wait for a frame between two looks at the timers, µs.
 const WAIT_US: u64 = 50;
 
@@ -20,15 +20,21 @@ pub(crate) struct Pump<W> {
     pub(crate) wire: W,
     tx: PduTx<'static>,
     rx: PduRx<'static>,
-    buffer: [u8; LONGEST],
+    buffer: [u8; MAX_FRAME],
 }
 
 impl<W: Wire> Pump<W> {
     pub(crate) const fn new(wire: W, tx: PduTx<'static>, rx: PduRx<'static>) -> Self {
-        Self { wire, tx, rx, buffer: [0; LONGEST] }
+        Self {
+            wire,
+            tx,
+            rx,
+            buffer: [0; MAX_FRAME],
+        }
     }
 
-    /// Runs a future until it ends, at most for `limit_us`. `None` then: what it waits for is given up.
+    /// Runs a future until it ends, at most for `limit_us`. `None` then: what it waits for is given
+    /// up.
     pub(crate) fn run<F: Future>(&mut self, future: F, limit_us: u64) -> Option<F::Output> {
         let mut future = pin!(future);
         let mut context = Context::from_waker(Waker::noop());

@@ -7,7 +7,9 @@ use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use rustix::net::{AddressFamily, Protocol, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socket_with};
+use rustix::net::{
+    AddressFamily, Protocol, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socket_with,
+};
 
 use crate::claim::{Claim, Refused};
 use crate::wire::{Wire, WireError};
@@ -42,10 +44,14 @@ pub enum RawSocketError {
     #[error("the network interface {0} is down; `ip link set {0} up`")]
     Down(String),
     /// The interface has no carrier.
-    #[error("the network interface {0} has no carrier: its cable is out, or the drive at the other end has no power")]
+    #[error(
+        "the network interface {0} has no carrier: its cable is out, or the drive at the other end has no power"
+    )]
     NoCarrier(String),
     /// Another program moves the drives behind the interface.
-    #[error("network interface {interface} is in use by {owner}; a bus has one master: end that program first")]
+    #[error(
+        "network interface {interface} is in use by {owner}; a bus has one master: end that program first"
+    )]
     Owned {
         /// The interface.
         interface: String,
@@ -63,74 +69,108 @@ pub enum RawSocketError {
 }
 
 impl RawSocket {
-    /// Opens an interface by its name, once it has a carrier, and owns it: no other socket of this kind opens it until this one is dropped.
-    /// Nothing is sent yet. Its frames of EtherCAT are read, no others.
+    /// Opens an interface by its name, once it has a carrier, and owns it: no other socket of this
+    /// kind opens it until this one is dropped. Nothing is sent yet. Its frames of EtherCAT are
+    /// read, no others.
     ///
     /// # Errors
     /// [`RawSocketError`].
     pub fn open(interface: &str) -> Result<Self, RawSocketError> {
-        let failed = |reason: String| RawSocketError::System { interface: interface.to_owned(), reason };
         let protocol = Protocol::from_raw(std::num::NonZeroU32::from(ETHERTYPE_ON_THE_WIRE));
         let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
-        let socket = socket_with(AddressFamily::PACKET, SocketType::RAW, flags, Some(protocol)).map_err(|error| {
+        let socket = socket_with(
+            AddressFamily::PACKET,
+            SocketType::RAW,
+            flags,
+            Some(protocol),
+        )
+        .map_err(|error| {
             if matches!(error, Errno::PERM | Errno::ACCESS) {
                 RawSocketError::Permission
             } else {
-                failed(error.to_string())
+                system_error(interface, &error)
             }
         })?;
         await_link(interface)?;
-        let mut addresses = getifaddrs().map_err(|error| failed(error.to_string()))?;
+        let mut addresses = getifaddrs().map_err(|error| system_error(interface, &error))?;
         let address = addresses.find_map(|entry| {
-            let address = entry.address.filter(|_| entry.interface_name == interface)?;
+            let address = entry
+                .address
+                .filter(|_| entry.interface_name == interface)?;
             address.as_link_addr().copied()
         });
         let address = address.ok_or_else(|| RawSocketError::NoInterface(interface.to_owned()))?;
-        let claim = Claim::take(address.ifindex()).map_err(|refused| match refused {
+        let claim = Claim::acquire(address.ifindex()).map_err(|refused| match refused {
             Refused::Owned(process) => RawSocketError::Owned {
                 interface: interface.to_owned(),
-                owner: process.map_or_else(|| "another process".to_owned(), |process| format!("pid {process}")),
+                owner: process.map_or_else(
+                    || "another process".to_owned(),
+                    |process| format!("pid {process}"),
+                ),
             },
-            Refused::System(error) => failed(error.to_string()),
+            Refused::System(error) => system_error(interface, &error),
         })?;
         // The address names no protocol: the socket's own stands.
-        nix::sys::socket::bind(socket.as_raw_fd(), &address).map_err(|error| failed(error.to_string()))?;
-        Ok(Self { socket, start: Instant::now(), _claim: claim })
+        nix::sys::socket::bind(socket.as_raw_fd(), &address)
+            .map_err(|error| system_error(interface, &error))?;
+        Ok(Self {
+            socket,
+            start: Instant::now(),
+            _claim: claim,
+        })
+    }
+}
+
+/// Error of the system at an interface.
+fn system_error(interface: &str, error: &dyn std::fmt::Display) -> RawSocketError {
+    RawSocketError::System {
+        interface: interface.to_owned(),
+        reason: error.to_string(),
     }
 }
 
 /// Checks that an interface is up and has a carrier.
 ///
 /// # Errors
-/// [`RawSocketError`]: `NoInterface`, `Down`, `NoCarrier`, or that the system does not list its interfaces.
+/// [`RawSocketError`]: `NoInterface`, `Down`, `NoCarrier`, or that the system does not list its
+/// interfaces.
 pub fn check_link(interface: &str) -> Result<(), RawSocketError> {
-    let of = |error: fn(String) -> RawSocketError| error(interface.to_owned());
-    let mut interfaces = getifaddrs()
-        .map_err(|error| RawSocketError::System { interface: interface.to_owned(), reason: error.to_string() })?;
-    match interfaces.find(|entry| entry.interface_name == interface).map(|entry| entry.flags) {
-        None => Err(of(RawSocketError::NoInterface)),
-        Some(flags) if !flags.contains(InterfaceFlags::IFF_UP) => Err(of(RawSocketError::Down)),
-        Some(flags) if !flags.contains(InterfaceFlags::IFF_RUNNING) => Err(of(RawSocketError::NoCarrier)),
+    let mut interfaces = getifaddrs().map_err(|error| system_error(interface, &error))?;
+    match interfaces
+        .find(|entry| entry.interface_name == interface)
+        .map(|entry| entry.flags)
+    {
+        None => Err(RawSocketError::NoInterface(interface.to_owned())),
+        Some(flags) if !flags.contains(InterfaceFlags::IFF_UP) => {
+            Err(RawSocketError::Down(interface.to_owned()))
+        }
+        Some(flags) if !flags.contains(InterfaceFlags::IFF_RUNNING) => {
+            Err(RawSocketError::NoCarrier(interface.to_owned()))
+        }
         Some(_) => Ok(()),
     }
 }
 
-/// As [`check_link`], after some patience: an interface that has just been switched on negotiates its link first.
+/// As [`check_link`], after some patience: an interface that has just been switched on negotiates
+/// its link first.
 fn await_link(interface: &str) -> Result<(), RawSocketError> {
     let start = Instant::now();
     loop {
         match check_link(interface) {
-            Err(RawSocketError::NoCarrier(_)) if start.elapsed() < LINK_PATIENCE => std::thread::sleep(LINK_REST),
+            Err(RawSocketError::NoCarrier(_)) if start.elapsed() < LINK_PATIENCE => {
+                std::thread::sleep(LINK_REST)
+            }
             link => return link,
         }
     }
 }
 
 /// The EtherType in network byte order, as the system wants it.
-const ETHERTYPE_ON_THE_WIRE: std::num::NonZeroU16 = match std::num::NonZeroU16::new(ETHERCAT.to_be()) {
-    Some(protocol) => protocol,
-    None => std::num::NonZeroU16::MIN,
-};
+const ETHERTYPE_ON_THE_WIRE: std::num::NonZeroU16 =
+    match std::num::NonZeroU16::new(ETHERCAT.to_be()) {
+        Some(protocol) => protocol,
+        None => std::num::NonZeroU16::MIN,
+    };
 
 impl Wire for RawSocket {
     fn now_us(&self) -> u64 {
@@ -145,7 +185,10 @@ impl Wire for RawSocket {
     }
 
     fn receive(&mut self, buffer: &mut [u8]) -> Option<usize> {
-        recv(&self.socket, buffer, RecvFlags::empty()).ok().map(|(length, _)| length).filter(|length| *length > 0)
+        recv(&self.socket, buffer, RecvFlags::empty())
+            .ok()
+            .map(|(length, _)| length)
+            .filter(|length| *length > 0)
     }
 
     fn wait_until(&mut self, us: u64) {
@@ -155,6 +198,9 @@ impl Wire for RawSocket {
             tv_nsec: i64::try_from(wait_us % 1_000_000 * 1_000).unwrap_or(0),
         };
         // An interrupted wait is a short one: the caller looks at the clock.
-        let _ready = poll(&mut [PollFd::new(&self.socket, PollFlags::IN)], Some(&timeout));
+        let _ready = poll(
+            &mut [PollFd::new(&self.socket, PollFlags::IN)],
+            Some(&timeout),
+        );
     }
 }

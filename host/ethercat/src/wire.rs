@@ -1,6 +1,7 @@
 //! Carrier of frames: a network interface, or an emulated chain.
 
-/// Carrier of EtherCAT frames, with the clock that its user's timers follow. No call blocks, except [`wait_until`](Self::wait_until).
+/// Carrier of EtherCAT frames, with the clock that its user's timers follow. No call blocks, except
+/// [`wait_until`](Self::wait_until).
 pub trait Wire: Send {
     /// Returns the time, µs; it never goes back.
     fn now_us(&self) -> u64;
@@ -17,7 +18,8 @@ pub trait Wire: Send {
     /// Waits until a frame has arrived, at most until `us`.
     fn wait_until(&mut self, us: u64);
 
-    /// Takes note that `cycles` cycles of `cycle_us` have begun since the last call. Interfaces have the clock of the system and need none.
+    /// Takes note that `cycles` cycles of `cycle_us` have begun since the last call. Interfaces
+    /// have the clock of the system and need none.
     fn begin_cycles(&mut self, cycles: u64, cycle_us: u64) {
         let _ = (cycles, cycle_us);
     }

@@ -35,17 +35,23 @@ impl<'a> Reader<'a> {
     /// `Incomplete`.
     #[inline]
     pub fn array<const N: usize>(&mut self) -> Result<[u8; N], ErrorKind> {
-        let (taken, rest) = self.bytes.split_first_chunk().ok_or(ErrorKind::Incomplete)?;
+        let (taken, rest) = self
+            .bytes
+            .split_first_chunk()
+            .ok_or(ErrorKind::Incomplete)?;
         self.bytes = rest;
         Ok(*taken)
     }
 
-    /// Takes `length` bytes.
+    /// Reads `length` bytes.
     ///
     /// # Errors
     /// `Incomplete`.
-    pub fn take(&mut self, length: usize) -> Result<&'a [u8], ErrorKind> {
-        let (taken, rest) = self.bytes.split_at_checked(length).ok_or(ErrorKind::Incomplete)?;
+    pub fn read_exact(&mut self, length: usize) -> Result<&'a [u8], ErrorKind> {
+        let (taken, rest) = self
+            .bytes
+            .split_at_checked(length)
+            .ok_or(ErrorKind::Incomplete)?;
         self.bytes = rest;
         Ok(taken)
     }
@@ -60,7 +66,8 @@ impl<'a> Reader<'a> {
         Ok(number)
     }
 
-    /// Takes a text: its length and its bytes, at most `most`, which are text in any or no character set.
+    /// Takes a text: its length and its bytes, at most `most`, which are text in any or no
+    /// character set.
     ///
     /// # Errors
     /// `Incomplete`, malformed number, or `limit` if it is longer.
@@ -70,13 +77,14 @@ impl<'a> Reader<'a> {
         if length > most {
             return Err(limit.into());
         }
-        let text = after.take(length)?;
+        let text = after.read_exact(length)?;
         *self = after;
         Ok(text)
     }
 }
 
-/// Destination of encoded bytes. Encoding is written once, and run to count, to compare and to write.
+/// Destination of encoded bytes. Encoding is written once, and run to count, to compare and to
+/// write.
 pub trait Sink {
     /// Takes an array of bytes.
     fn array<const N: usize>(&mut self, bytes: [u8; N]);
@@ -100,7 +108,8 @@ pub trait Sink {
     }
 }
 
-/// Cursor over a buffer to write into. Bytes beyond its end are not written, and fail [`Writer::finish`].
+/// Cursor over a buffer to write into. Bytes beyond its end are not written, and fail
+/// [`Writer::finish`].
 #[derive(Debug)]
 pub struct Writer<'b> {
     room: &'b mut [u8],
@@ -113,7 +122,12 @@ impl<'b> Writer<'b> {
     /// Cursor at the front of a buffer.
     #[must_use]
     pub const fn new(version: Version, room: &'b mut [u8]) -> Self {
-        Self { capacity: room.len(), room, fits: true, version }
+        Self {
+            capacity: room.len(),
+            room,
+            fits: true,
+            version,
+        }
     }
 
     /// Number of bytes written.
@@ -121,7 +135,11 @@ impl<'b> Writer<'b> {
     /// # Errors
     /// `Limit(Room)` if not all of them fitted.
     pub const fn finish(self) -> Result<usize, ErrorKind> {
-        if self.fits { Ok(self.capacity.saturating_sub(self.room.len())) } else { Err(ErrorKind::Limit(Limit::Room)) }
+        if self.fits {
+            Ok(self.capacity.saturating_sub(self.room.len()))
+        } else {
+            Err(ErrorKind::Limit(Limit::Room))
+        }
     }
 }
 
@@ -137,7 +155,8 @@ impl Sink for Writer<'_> {
     }
 
     fn slice(&mut self, bytes: &[u8]) {
-        let Some((place, rest)) = core::mem::take(&mut self.room).split_at_mut_checked(bytes.len()) else {
+        let Some((place, rest)) = core::mem::take(&mut self.room).split_at_mut_checked(bytes.len())
+        else {
             self.fits = false;
             return;
         };
@@ -198,7 +217,10 @@ impl<'a> Comparer<'a> {
     /// Compares with these bytes.
     #[must_use]
     pub const fn new(version: Version, bytes: &'a [u8]) -> Self {
-        Self { rest: Some(bytes), version }
+        Self {
+            rest: Some(bytes),
+            version,
+        }
     }
 
     /// True if the bytes taken are the bytes given.

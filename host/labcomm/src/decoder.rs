@@ -1,12 +1,16 @@
 //! Decoder of a stream of either generation, fed with the bytes that have come.
 
+mod collector;
+
 use crate::cursor::{Reader, to_usize};
 use crate::error::{Error, ErrorKind, Limit, Malformed, Unsupported};
 use crate::number::Version;
 use crate::registry::{Definition, Entry, Registry};
-use crate::scan::{MAX_TYPE, MAX_VALUE};
 use crate::ty::Type;
+use crate::ty::scan::{MAX_TYPE, MAX_VALUE};
 use crate::value::Value;
+
+pub use collector::Collector;
 
 /// Largest number of bytes of a name.
 pub const MAX_NAME: usize = 1024;
@@ -40,8 +44,8 @@ pub enum Event<'d, 'b> {
         /// Its value, checked against the type.
         value: Value<'d, 'b>,
     },
-    /// Packet that was skipped: a type definition (4), type binding (5), pragma (0x3f), or data of an index (0x40 and above) without a
-    /// definition. 2014 only.
+    /// Packet that was skipped: a type definition (4), type binding (5), pragma (0x3f), or data of
+    /// an index (0x40 and above) without a definition. 2014 only.
     Skipped(u32),
 }
 
@@ -59,7 +63,7 @@ pub enum Decoded<'d, 'b> {
     Need(usize),
 }
 
-/// What the first byte has decided.
+/// Decision by the first byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 enum Stage {
@@ -103,17 +107,25 @@ impl<const S: usize, const B: usize> Default for Decoder<S, B> {
 }
 
 impl<const S: usize, const B: usize> Decoder<S, B> {
-    /// Decoder at the beginning of a stream, for values and packets of at most `most` bytes, and of at most [`MAX_VALUE`].
+    /// Decoder at the beginning of a stream, for values and packets of at most `most` bytes, and of
+    /// at most [`MAX_VALUE`].
     #[must_use]
     pub const fn new(most: u32) -> Self {
         let most = if most < MAX_VALUE { most } else { MAX_VALUE };
-        Self { registry: Registry::new(Version::V2006), stage: Stage::Start, at: 0, most }
+        Self {
+            registry: Registry::new(Version::V2006),
+            stage: Stage::Start,
+            at: 0,
+            most,
+        }
     }
 
     /// The invariant: the registry is valid, and empty at the start.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        self.most <= MAX_VALUE && self.registry.is_valid() && (self.stage != Stage::Start || self.registry.is_empty())
+        self.most <= MAX_VALUE
+            && self.registry.is_valid()
+            && (self.stage != Stage::Start || self.registry.is_empty())
     }
 
     /// Definitions that have come.
@@ -143,8 +155,8 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
         }
     }
 
-    /// Decodes the event at the front of the bytes. Events and errors are the same however a stream is cut: bytes that are not used are
-    /// given again, with more behind them.
+    /// Decodes the event at the front of the bytes. Events and errors are the same however a stream
+    /// is cut: bytes that are not used are given again, with more behind them.
     ///
     /// # Errors
     /// The stream is not LabComm, or exceeds a limit; every later call returns the same error.
@@ -156,7 +168,9 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
             Ok(Front::Need(least)) => Ok(Decoded::Need(least)),
             Ok(Front::Whole(found, used)) => {
                 self.stage = Stage::Running;
-                self.at = self.at.saturating_add(u64::try_from(used).unwrap_or(u64::MAX));
+                self.at = self
+                    .at
+                    .saturating_add(u64::try_from(used).unwrap_or(u64::MAX));
                 let event = match found {
                     Found::Data(entry, bytes) => self.data_event(&entry, bytes),
                     Found::Other(event) => event,
@@ -172,12 +186,19 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
 
     fn data_event<'b>(&self, entry: &Entry, bytes: &'b [u8]) -> Event<'_, 'b> {
         // Entries are valid, so each has a definition.
-        let Some(definition) = self.registry.definition(entry) else { return Event::Skipped(entry.index) };
-        Event::Data { definition, value: Value::new(definition.ty, bytes) }
+        let Some(definition) = self.registry.definition(entry) else {
+            return Event::Skipped(entry.index);
+        };
+        Event::Data {
+            definition,
+            value: Value::new(definition.ty, bytes),
+        }
     }
 
     fn front<'b>(&mut self, bytes: &'b [u8]) -> Result<Front<'b>, ErrorKind> {
-        let Some(first) = bytes.first() else { return Ok(Front::Need(1)) };
+        let Some(first) = bytes.first() else {
+            return Ok(Front::Need(1));
+        };
         if self.stage == Stage::Start {
             match first {
                 0x00 => self.registry.restart(Version::V2006),
@@ -186,17 +207,19 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
                 _ => return Err(Malformed::Start.into()),
             }
         }
-        if self.registry.version().is_packed() { self.packet(bytes) } else { self.unframed(bytes) }
+        if self.registry.version().is_packed() {
+            self.packet(bytes)
+        } else {
+            self.unframed(bytes)
+        }
     }
 
     /// Definition or data of 2006.
     fn unframed<'b>(&mut self, bytes: &'b [u8]) -> Result<Front<'b>, ErrorKind> {
         let mut reader = Reader::new(Version::V2006, bytes);
-        let used = |reader: &Reader<'_>| bytes.len().saturating_sub(reader.rest().len());
         let found = match reader.number() {
-            Ok(DEFINITION) => {
-                unframed_definition(&mut reader).map(|definition| Found::Other(Event::Define(definition)))
-            }
+            Ok(DEFINITION) => unframed_definition(&mut reader)
+                .map(|definition| Found::Other(Event::Define(definition))),
             Ok(index) if index >= FIRST_INDEX => self.data(index, &mut reader),
             Ok(tag) => Err(Malformed::Tag(tag).into()),
             Err(error) => Err(error),
@@ -206,7 +229,10 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
                 if let Found::Other(Event::Define(Definition { index, name, ty })) = found {
                     self.registry.define(index, name, &ty)?;
                 }
-                Ok(Front::Whole(found, used(&reader)))
+                Ok(Front::Whole(
+                    found,
+                    bytes.len().saturating_sub(reader.rest().len()),
+                ))
             }
             Err(ErrorKind::Incomplete) => Ok(Front::Need(bytes.len().saturating_add(1))),
             Err(error) => Err(error),
@@ -215,18 +241,28 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
 
     /// Value of 2006.
     fn data<'b>(&self, index: u32, reader: &mut Reader<'b>) -> Result<Found<'b>, ErrorKind> {
-        let entry = self.registry.entry(index).ok_or(ErrorKind::UnknownIndex(index))?;
+        let entry = self
+            .registry
+            .entry(index)
+            .ok_or(ErrorKind::UnknownIndex(index))?;
         if entry.extent.smallest > self.most {
             return Err(Limit::Value.into());
         }
         if entry.extent.fixed {
-            return Ok(Found::Data(*entry, reader.take(to_usize(entry.extent.smallest))?));
+            return Ok(Found::Data(
+                *entry,
+                reader.read_exact(to_usize(entry.extent.smallest))?,
+            ));
         }
         let most = to_usize(self.most);
-        // A window one byte longer than the largest value: whatever reaches into that byte is too long.
-        let window = reader.rest().get(..most.saturating_add(1)).unwrap_or(reader.rest());
+        // A window one byte longer than the largest value: a value that reaches into that byte is
+        // too long.
+        let window = reader
+            .rest()
+            .get(..most.saturating_add(1))
+            .unwrap_or(reader.rest());
         match self.registry.value_len(entry, window) {
-            Ok(length) if length <= most => Ok(Found::Data(*entry, reader.take(length)?)),
+            Ok(length) if length <= most => Ok(Found::Data(*entry, reader.read_exact(length)?)),
             Err(ErrorKind::Incomplete) if window.len() <= most => Err(ErrorKind::Incomplete),
             Ok(_) | Err(ErrorKind::Incomplete) => Err(Limit::Value.into()),
             Err(error) => Err(error),
@@ -236,18 +272,29 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
     /// Packet of 2014.
     fn packet<'b>(&mut self, bytes: &'b [u8]) -> Result<Front<'b>, ErrorKind> {
         let mut reader = Reader::new(self.registry.version(), bytes);
-        let head = reader.number().and_then(|tag| Ok((self.tag(tag)?, reader.number()?)));
+        let head = reader
+            .number()
+            .and_then(|tag| Ok((self.tag(tag)?, reader.number()?)));
         let (tag, length) = match head {
             Ok(head) => head,
             Err(ErrorKind::Incomplete) => return Ok(Front::Need(bytes.len().saturating_add(1))),
             Err(error) => return Err(error),
         };
-        let most = if tag == VERSION { MAX_VERSION } else { self.most };
+        let most = if tag == VERSION {
+            MAX_VERSION
+        } else {
+            self.most
+        };
         if length > most {
             return Err(Limit::Value.into());
         }
-        let used = bytes.len().saturating_sub(reader.rest().len()).saturating_add(to_usize(length));
-        let Ok(contents) = reader.take(to_usize(length)) else { return Ok(Front::Need(used)) };
+        let used = bytes
+            .len()
+            .saturating_sub(reader.rest().len())
+            .saturating_add(to_usize(length));
+        let Ok(contents) = reader.read_exact(to_usize(length)) else {
+            return Ok(Front::Need(used));
+        };
         match self.contents(tag, contents) {
             Ok(found) => Ok(Front::Whole(found, used)),
             // The packet is complete, so its length is wrong.
@@ -271,12 +318,16 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
     fn contents<'b>(&mut self, tag: u32, contents: &'b [u8]) -> Result<Found<'b>, ErrorKind> {
         let mut reader = Reader::new(self.registry.version(), contents);
         let found = match tag {
-            VERSION => Found::Other(Event::Version(version_of(reader.text(contents.len(), Limit::Value)?)?)),
+            VERSION => Found::Other(Event::Version(version_of(
+                reader.text(contents.len(), Limit::Value)?,
+            )?)),
             DEFINITION => Found::Other(Event::Define(packed_definition(&mut reader)?)),
             REFERENCE => Found::Other(Event::Reference(packed_definition(&mut reader)?)),
             FIRST_INDEX.. => {
-                let Some(entry) = self.registry.entry(tag) else { return Ok(Found::Other(Event::Skipped(tag))) };
-                reader.take(self.registry.value_len(entry, contents)?)?;
+                let Some(entry) = self.registry.entry(tag) else {
+                    return Ok(Found::Other(Event::Skipped(tag)));
+                };
+                reader.read_exact(self.registry.value_len(entry, contents)?)?;
                 Found::Data(*entry, contents)
             }
             _ => return Ok(Found::Other(Event::Skipped(tag))),
@@ -286,7 +337,9 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
         }
         match found {
             Found::Other(Event::Version(version)) => self.registry.restart(version),
-            Found::Other(Event::Define(Definition { index, name, ty })) => self.registry.define(index, name, &ty)?,
+            Found::Other(Event::Define(Definition { index, name, ty })) => {
+                self.registry.define(index, name, &ty)?
+            }
             _ => {}
         }
         Ok(found)
@@ -295,9 +348,10 @@ impl<const S: usize, const B: usize> Decoder<S, B> {
 
 /// Version of a text.
 fn version_of(text: &[u8]) -> Result<Version, ErrorKind> {
-    let known = [Version::V2014, Version::V2014_0].into_iter();
-    let same = |version: &Version| version.text().is_some_and(|known| known.as_bytes() == text);
-    known.into_iter().find(same).ok_or(ErrorKind::Version(Unsupported::Text))
+    [Version::V2014, Version::V2014_0]
+        .into_iter()
+        .find(|version| version.text().is_some_and(|known| known.as_bytes() == text))
+        .ok_or(ErrorKind::Version(Unsupported::Text))
 }
 
 /// Index and name of a definition.
@@ -313,7 +367,7 @@ fn index_and_name<'b>(reader: &mut Reader<'b>) -> Result<(u32, &'b [u8]), ErrorK
 pub fn unframed_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
     let (index, name) = index_and_name(reader)?;
     let (ty, length) = Type::parse(reader.version(), reader.rest())?;
-    reader.take(length)?;
+    reader.read_exact(length)?;
     Ok(Definition { index, name, ty })
 }
 
@@ -324,5 +378,9 @@ pub fn packed_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, 
     if !reader.rest().is_empty() {
         return Err(Malformed::PacketLength.into());
     }
-    Ok(Definition { index, name, ty: Type::whole(reader.version(), ty)? })
+    Ok(Definition {
+        index,
+        name,
+        ty: Type::whole(reader.version(), ty)?,
+    })
 }

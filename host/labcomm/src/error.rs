@@ -3,7 +3,8 @@
 /// Error of a stream, with its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Error {
-    /// Offset in the stream of the packet (2014), definition or data (2006) that has the error, bytes.
+    /// Offset in the stream of the packet (2014), definition or data (2006) that has the error,
+    /// bytes.
     pub at: u64,
     /// The reason.
     pub kind: ErrorKind,
@@ -73,7 +74,8 @@ pub enum Limit {
     Fields,
     /// Name of more than [`MAX_NAME`](crate::MAX_NAME) bytes.
     Name,
-    /// Value or packet of more bytes than the decoder takes, or than [`MAX_VALUE`](crate::MAX_VALUE).
+    /// Value or packet of more bytes than the decoder takes, or than
+    /// [`MAX_VALUE`](crate::MAX_VALUE).
     Value,
     /// More definitions than the registry takes.
     Definitions,
@@ -107,8 +109,13 @@ impl core::fmt::Display for ErrorKind {
             Self::Incomplete => f.write_str("the bytes end within a number, text, type or value"),
             Self::Malformed(what) => write!(f, "{what}"),
             Self::Version(version) => write!(f, "{version}"),
-            Self::UnknownIndex(index) => write!(f, "data of index {index:#x}, which has no definition"),
-            Self::Conflict(index) => write!(f, "index {index:#x} is defined again, with another name or type"),
+            Self::UnknownIndex(index) => {
+                write!(f, "data of index {index:#x}, which has no definition")
+            }
+            Self::Conflict(index) => write!(
+                f,
+                "index {index:#x} is defined again, with another name or type"
+            ),
             Self::Limit(limit) => write!(f, "{limit}"),
         }
     }
@@ -117,15 +124,24 @@ impl core::fmt::Display for ErrorKind {
 impl core::fmt::Display for Malformed {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Start => f.write_str("the first byte starts no LabComm stream: expected 00 (2006) or 01 (2014)"),
+            Self::Start => f.write_str(
+                "the first byte starts no LabComm stream: expected 00 (2006) or 01 (2014)",
+            ),
             Self::LongNumber => f.write_str("a packed number begins with a zero group"),
             Self::LargeNumber => f.write_str("a packed number exceeds 32 bits"),
             Self::Tag(tag) => write!(f, "{tag:#x} starts neither a definition nor data"),
             Self::TypeCode(code) => write!(f, "{code:#x} is not the code of a type"),
             Self::EmptyElement => f.write_str("an array has elements that take no bytes"),
-            Self::PacketLength => f.write_str("the contents of a packet are not as long as it states"),
-            Self::Index(index) => write!(f, "a definition has index {index:#x}; indices begin at 0x40"),
-            Self::VersionPlace => f.write_str("the version packet must be the first packet, and only that"),
+            Self::PacketLength => {
+                f.write_str("the contents of a packet are not as long as it states")
+            }
+            Self::Index(index) => write!(
+                f,
+                "a definition has index {index:#x}; indices begin at 0x40"
+            ),
+            Self::VersionPlace => {
+                f.write_str("the version packet must be the first packet, and only that")
+            }
         }
     }
 }
@@ -133,7 +149,9 @@ impl core::fmt::Display for Malformed {
 impl core::fmt::Display for Unsupported {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
-            Self::LabComm2013 => "the stream is LabComm2013, which is obsolete: send version 2006 or 2014",
+            Self::LabComm2013 => {
+                "the stream is LabComm2013, which is obsolete: send version 2006 or 2014"
+            }
             Self::Text => "the version text is neither \"LabComm2014.v1\" nor \"LabComm2014\"",
         })
     }
@@ -147,8 +165,12 @@ impl core::fmt::Display for Limit {
             Self::Fields => write!(f, "a type has more than {} fields", crate::MAX_FIELDS),
             Self::Name => write!(f, "a name has more than {} bytes", crate::MAX_NAME),
             Self::Value => f.write_str("a value has more bytes than the decoder takes"),
-            Self::Definitions => f.write_str("the stream has more definitions than the decoder takes"),
-            Self::DefinitionBytes => f.write_str("names and types have more bytes than the decoder takes"),
+            Self::Definitions => {
+                f.write_str("the stream has more definitions than the decoder takes")
+            }
+            Self::DefinitionBytes => {
+                f.write_str("names and types have more bytes than the decoder takes")
+            }
             Self::Room => f.write_str("the buffer to encode into is full"),
         }
     }

@@ -1,4 +1,5 @@
-//! Numbers of the protocol: lengths, indices, counts and codes; and the generations, which write them differently.
+//! Numbers of the protocol: lengths, indices, counts and codes; and the generations, which write
+//! them differently.
 
 use crate::error::{ErrorKind, Malformed};
 
@@ -28,7 +29,8 @@ impl Version {
         }
     }
 
-    /// First index that an encoder gives: 0x80 in 2006, because the C decoder of 2012 returns to its caller only for such an index; else 0x40.
+    /// First index that an encoder gives: 0x80 in 2006, because the C decoder of 2012 returns to
+    /// its caller only for such an index; else 0x40.
     #[must_use]
     pub const fn first_index(self) -> u32 {
         match self {
@@ -60,19 +62,24 @@ impl NumberBytes {
     }
 }
 
-/// Encodes a number. 2006: 32 bits, big endian. 2014: groups of 7 bits, most significant group first, bit 7 set on all but the last byte;
-/// no more groups than needed.
+/// Encodes a number. 2006: 32 bits, big endian. 2014: groups of 7 bits, most significant group
+/// first, bit 7 set on all but the last byte; no more groups than needed.
 #[must_use]
 pub fn encode(version: Version, number: u32) -> NumberBytes {
     let [b3, b2, b1, b0] = number.to_be_bytes();
     if !version.is_packed() {
-        return NumberBytes { bytes: [0, b3, b2, b1, b0], start: 1 };
+        return NumberBytes {
+            bytes: [0, b3, b2, b1, b0],
+            start: 1,
+        };
     }
-    let group = |shift: u32| {
-        let [.., low] = (number >> shift).to_be_bytes();
-        low | 0x80
-    };
-    let bytes = [group(28), group(21), group(14), group(7), b0 & 0x7f];
+    let bytes = [
+        group(number, 28),
+        group(number, 21),
+        group(number, 14),
+        group(number, 7),
+        b0 & 0x7f,
+    ];
     let start = match number {
         0..0x80 => 4,
         0x80..0x4000 => 3,
@@ -81,6 +88,12 @@ pub fn encode(version: Version, number: u32) -> NumberBytes {
         _ => 0,
     };
     NumberBytes { bytes, start }
+}
+
+/// Seven bits of a number from `shift` on, as a group that another one follows.
+const fn group(number: u32, shift: u32) -> u8 {
+    let [.., low] = (number >> shift).to_be_bytes();
+    low | 0x80
 }
 
 /// Number of bytes of a number.
@@ -92,7 +105,8 @@ pub fn encoded_len(version: Version, number: u32) -> usize {
 /// Decodes the number at the front of `bytes`; returns it and the number of bytes taken.
 ///
 /// # Errors
-/// `Incomplete`; 2014: a leading zero group, or more than 32 bits. A number therefore has one encoding.
+/// `Incomplete`; 2014: a leading zero group, or more than 32 bits. A number therefore has one
+/// encoding.
 pub fn decode(version: Version, bytes: &[u8]) -> Result<(u32, usize), ErrorKind> {
     if !version.is_packed() {
         let (four, _) = bytes.split_first_chunk().ok_or(ErrorKind::Incomplete)?;
@@ -103,7 +117,9 @@ pub fn decode(version: Version, bytes: &[u8]) -> Result<(u32, usize), ErrorKind>
     }
     let mut number = 0_u32;
     for taken in 1..=MAX_NUMBER {
-        let byte = bytes.get(taken.saturating_sub(1)).ok_or(ErrorKind::Incomplete)?;
+        let byte = bytes
+            .get(taken.saturating_sub(1))
+            .ok_or(ErrorKind::Incomplete)?;
         if number > u32::MAX >> 7 {
             break;
         }

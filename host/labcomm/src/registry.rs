@@ -3,8 +3,8 @@
 use crate::cursor::to_usize;
 use crate::error::{ErrorKind, Limit};
 use crate::number::Version;
-use crate::scan::Extent;
 use crate::ty::Type;
+use crate::ty::scan::Extent;
 use crate::walk::value_len;
 
 /// Sample type of a stream.
@@ -30,6 +30,13 @@ pub(crate) struct Entry {
     pub(crate) extent: Extent,
 }
 
+impl Entry {
+    /// True if name and type lie within the bytes in use.
+    const fn is_within(&self, used: usize) -> bool {
+        self.name <= self.ty && self.ty <= self.end && self.end <= used
+    }
+}
+
 /// Up to `S` definitions, in `B` bytes of names and types.
 #[derive(Clone, Debug)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
@@ -47,8 +54,23 @@ impl<const S: usize, const B: usize> Registry<S, B> {
     /// A registry without definitions, for types of a version.
     #[must_use]
     pub const fn new(version: Version) -> Self {
-        let entry = Entry { index: 0, name: 0, ty: 0, end: 0, extent: Extent { smallest: 0, fixed: true } };
-        Self { version, entries: [entry; S], count: 0, bytes: [0; B], used: 0 }
+        let entry = Entry {
+            index: 0,
+            name: 0,
+            ty: 0,
+            end: 0,
+            extent: Extent {
+                smallest: 0,
+                fixed: true,
+            },
+        };
+        Self {
+            version,
+            entries: [entry; S],
+            count: 0,
+            bytes: [0; B],
+            used: 0,
+        }
     }
 
     /// Forgets every definition; those that follow are of a version.
@@ -58,13 +80,15 @@ impl<const S: usize, const B: usize> Registry<S, B> {
         self.used = 0;
     }
 
-    /// The invariant: entries and bytes in use exist; name and type of each entry lie within the bytes in use.
+    /// The invariant: entries and bytes in use exist; name and type of each entry lie within the
+    /// bytes in use.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        let within = |entry: &Entry| entry.name <= entry.ty && entry.ty <= entry.end && entry.end <= self.used;
         // Counted over all places, as a model checker knows how many those are.
         let mut entries = self.entries.iter().enumerate();
-        self.used <= B && self.count <= S && entries.all(|(place, entry)| place >= self.count || within(entry))
+        self.used <= B
+            && self.count <= S
+            && entries.all(|(place, entry)| place >= self.count || entry.is_within(self.used))
     }
 
     /// Version of the types.
@@ -87,7 +111,10 @@ impl<const S: usize, const B: usize> Registry<S, B> {
 
     /// Definitions, in the order in which they came.
     pub fn iter(&self) -> impl Iterator<Item = Definition<'_>> {
-        self.entries.iter().take(self.count).filter_map(|entry| self.definition(entry))
+        self.entries
+            .iter()
+            .take(self.count)
+            .filter_map(|entry| self.definition(entry))
     }
 
     /// Definition of an index.
@@ -102,11 +129,16 @@ impl<const S: usize, const B: usize> Registry<S, B> {
         let guess = to_usize(index.wrapping_sub(self.entries.first()?.index));
         match self.entries.get(guess) {
             Some(entry) if entry.index == index && guess < self.count => Some(entry),
-            _ => self.entries.iter().take(self.count).find(|entry| entry.index == index),
+            _ => self
+                .entries
+                .iter()
+                .take(self.count)
+                .find(|entry| entry.index == index),
         }
     }
 
-    /// Number of bytes of the value of an entry at the front of bytes. The type is looked at only where values differ in length.
+    /// Number of bytes of the value of an entry at the front of bytes. The type is looked at only
+    /// where values differ in length.
     ///
     /// # Errors
     /// Those of [`value_len`].
@@ -114,7 +146,10 @@ impl<const S: usize, const B: usize> Registry<S, B> {
         if entry.extent.fixed {
             return Ok(to_usize(entry.extent.smallest));
         }
-        value_len(&self.definition(entry).ok_or(ErrorKind::Incomplete)?.ty, bytes)
+        value_len(
+            &self.definition(entry).ok_or(ErrorKind::Incomplete)?.ty,
+            bytes,
+        )
     }
 
     /// Adds a definition. A second one of the same index, name and type changes nothing.
@@ -124,16 +159,29 @@ impl<const S: usize, const B: usize> Registry<S, B> {
     pub fn define(&mut self, index: u32, name: &[u8], ty: &Type<'_>) -> Result<(), ErrorKind> {
         if let Some(known) = self.get(index) {
             let same = known.name == name && known.ty.bytes() == ty.bytes();
-            return if same { Ok(()) } else { Err(ErrorKind::Conflict(index)) };
+            return if same {
+                Ok(())
+            } else {
+                Err(ErrorKind::Conflict(index))
+            };
         }
         let entry = self.entries.get_mut(self.count).ok_or(Limit::Definitions)?;
         let ty_at = self.used.saturating_add(name.len());
         let end = ty_at.saturating_add(ty.bytes().len());
-        let place = self.bytes.get_mut(self.used..end).ok_or(Limit::DefinitionBytes)?;
+        let place = self
+            .bytes
+            .get_mut(self.used..end)
+            .ok_or(Limit::DefinitionBytes)?;
         for (place, byte) in place.iter_mut().zip(name.iter().chain(ty.bytes())) {
             *place = *byte;
         }
-        *entry = Entry { index, name: self.used, ty: ty_at, end, extent: ty.extent() };
+        *entry = Entry {
+            index,
+            name: self.used,
+            ty: ty_at,
+            end,
+            extent: ty.extent(),
+        };
         self.used = end;
         self.count = self.count.saturating_add(1);
         Ok(())
@@ -143,6 +191,10 @@ impl<const S: usize, const B: usize> Registry<S, B> {
     pub(crate) fn definition(&self, entry: &Entry) -> Option<Definition<'_>> {
         let name = self.bytes.get(entry.name..entry.ty)?;
         let ty = self.bytes.get(entry.ty..entry.end)?;
-        Some(Definition { index: entry.index, name, ty: Type::checked(self.version, ty, entry.extent) })
+        Some(Definition {
+            index: entry.index,
+            name,
+            ty: Type::checked(self.version, ty, entry.extent),
+        })
     }
 }

@@ -4,8 +4,8 @@ use crate::cursor::{Comparer, Counter, Reader, Sink, to_number, to_usize};
 use crate::error::{ErrorKind, Limit};
 use crate::number::Version;
 use crate::registry::Definition;
-use crate::scan::{ARRAY, Primitive};
 use crate::ty::Type;
+use crate::ty::scan::{ARRAY, Primitive};
 
 /// Type of a field, with its values.
 pub trait Field: Copy {
@@ -166,7 +166,10 @@ impl<const N: usize> Text<N> {
         for (place, byte) in bytes.iter_mut().zip(from) {
             *place = *byte;
         }
-        Self { bytes, length: from.len().min(N) }
+        Self {
+            bytes,
+            length: from.len().min(N),
+        }
     }
 
     /// Returns the bytes; peers may send other than UTF-8.
@@ -177,7 +180,10 @@ impl<const N: usize> Text<N> {
 }
 
 impl<const N: usize> Field for Text<N> {
-    const ZERO: Self = Self { bytes: [0; N], length: 0 };
+    const ZERO: Self = Self {
+        bytes: [0; N],
+        length: 0,
+    };
 
     fn write_type<K: Sink>(sink: &mut K) {
         sink.number(Primitive::String.code());

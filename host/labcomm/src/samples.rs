@@ -4,10 +4,11 @@ use crate::sample::{Sample, Text};
 use crate::structure;
 
 structure! {
-    /// Gauges, counts of the gauge's resolution (0.5 µm). `sample int data[3];` of the thesis, 4.2.3 and 4.2.6.
+    /// Gauges, counts of the gauge's resolution (0.5 µm). `sample int data[3];` of the thesis,
+    /// 4.2.3 and 4.2.6.
     pub struct Data(pub [i32; 3]);
-    /// Force sensor, raw, in sensor axes: force x, y, z, N, and moment x, y, z, N m. `sample float forcesensor[6];` of the thesis, 4.2.3
-    /// and 4.2.5.
+    /// Force sensor, raw, in sensor axes: force x, y, z, N, and moment x, y, z, N m.
+    /// `sample float forcesensor[6];` of the thesis, 4.2.3 and 4.2.5.
     pub struct ForceSensor(pub [f32; 6]);
 }
 

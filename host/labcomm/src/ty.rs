@@ -1,9 +1,12 @@
 //! View of a type's bytes: checked once, then total accessors.
 
+pub(crate) mod scan;
+
 use crate::cursor::Reader;
 use crate::error::{ErrorKind, Malformed};
 use crate::number::Version;
-use crate::scan::{ARRAY, Extent, Primitive, STRUCTURE, scan};
+
+use scan::{ARRAY, Extent, Primitive, STRUCTURE, scan};
 
 /// Type: a view of its bytes, which were checked.
 #[derive(Clone, Copy, Debug)]
@@ -28,12 +31,20 @@ impl<'a> Type<'a> {
     /// Type at the front of bytes, and its length in bytes.
     ///
     /// # Errors
-    /// `Incomplete`, malformed, or beyond one of the limits [`MAX_TYPE`](crate::MAX_TYPE), [`MAX_DEPTH`](crate::MAX_DEPTH),
-    /// [`MAX_FIELDS`](crate::MAX_FIELDS), [`MAX_VALUE`](crate::MAX_VALUE).
+    /// `Incomplete`, malformed, or beyond one of the limits [`MAX_TYPE`](crate::MAX_TYPE),
+    /// [`MAX_DEPTH`](crate::MAX_DEPTH), [`MAX_FIELDS`](crate::MAX_FIELDS),
+    /// [`MAX_VALUE`](crate::MAX_VALUE).
     pub fn parse(version: Version, bytes: &'a [u8]) -> Result<(Self, usize), ErrorKind> {
         let (extent, length) = scan(version, bytes)?;
         let bytes = bytes.get(..length).unwrap_or_default();
-        Ok((Self { bytes, version, extent }, length))
+        Ok((
+            Self {
+                bytes,
+                version,
+                extent,
+            },
+            length,
+        ))
     }
 
     /// Type that is all of these bytes.
@@ -42,12 +53,20 @@ impl<'a> Type<'a> {
     /// Those of [`Type::parse`], or `PacketLength` if bytes are left.
     pub fn whole(version: Version, bytes: &'a [u8]) -> Result<Self, ErrorKind> {
         let (ty, length) = Self::parse(version, bytes)?;
-        if length == bytes.len() { Ok(ty) } else { Err(Malformed::PacketLength.into()) }
+        if length == bytes.len() {
+            Ok(ty)
+        } else {
+            Err(Malformed::PacketLength.into())
+        }
     }
 
     /// View of bytes that were checked before.
     pub(crate) const fn checked(version: Version, bytes: &'a [u8], extent: Extent) -> Self {
-        Self { bytes, version, extent }
+        Self {
+            bytes,
+            version,
+            extent,
+        }
     }
 
     pub(crate) const fn extent(&self) -> Extent {
@@ -91,7 +110,9 @@ impl<'a> Type<'a> {
             ARRAY => Kind::Array(Array { reader, left }),
             STRUCTURE => Kind::Structure(Structure { reader, left }),
             // A checked type is nothing else.
-            _ => Kind::Primitive(Primitive::from_code(self.version, code).unwrap_or(Primitive::Byte)),
+            _ => {
+                Kind::Primitive(Primitive::from_code(self.version, code).unwrap_or(Primitive::Byte))
+            }
         }
     }
 }
@@ -107,7 +128,10 @@ impl<'a> Array<'a> {
     /// Size of each index; 0 where every value states its own.
     #[must_use]
     pub const fn indices(&self) -> Indices<'a> {
-        Indices { reader: self.reader, left: self.left }
+        Indices {
+            reader: self.reader,
+            left: self.left,
+        }
     }
 
     /// Type of an element.
@@ -146,7 +170,10 @@ impl<'a> Structure<'a> {
     /// Name and type of each field.
     #[must_use]
     pub const fn fields(&self) -> Fields<'a> {
-        Fields { reader: self.reader, left: self.left }
+        Fields {
+            reader: self.reader,
+            left: self.left,
+        }
     }
 }
 
@@ -162,7 +189,10 @@ impl<'a> Iterator for Fields<'a> {
 
     fn next(&mut self) -> Option<Self::Item> {
         self.left = self.left.checked_sub(1)?;
-        let name = self.reader.text(crate::MAX_TYPE, crate::Limit::TypeBytes).ok()?;
+        let name = self
+            .reader
+            .text(crate::MAX_TYPE, crate::Limit::TypeBytes)
+            .ok()?;
         Some((name, next_type(&mut self.reader)))
     }
 }
@@ -171,8 +201,17 @@ impl<'a> Iterator for Fields<'a> {
 fn next_type<'a>(reader: &mut Reader<'a>) -> Type<'a> {
     let version = reader.version();
     let parsed = Type::parse(version, reader.rest());
-    let (ty, length) =
-        parsed.unwrap_or((Type::checked(version, &[], Extent { smallest: 0, fixed: true }), reader.rest().len()));
-    let _ = reader.take(length);
+    let (ty, length) = parsed.unwrap_or((
+        Type::checked(
+            version,
+            &[],
+            Extent {
+                smallest: 0,
+                fixed: true,
+            },
+        ),
+        reader.rest().len(),
+    ));
+    let _ = reader.read_exact(length);
     ty
 }

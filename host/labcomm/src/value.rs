@@ -36,13 +36,18 @@ impl<'t, 'v> Value<'t, 'v> {
         Walk::new(&self.ty, self.bytes)
     }
 
-    /// Reads the value as a type known at compile time. [`Definition::is`](crate::Definition::is) tells if it is one.
+    /// Reads the value as a type known at compile time. [`Definition::is`](crate::Definition::is)
+    /// tells if it is one.
     ///
     /// # Errors
     /// The value is of another type and has another length, or exceeds a limit of that type.
     pub fn read<T: Field>(&self) -> Result<T, ErrorKind> {
         let mut reader = Reader::new(self.ty.version(), self.bytes);
         let value = T::read(&mut reader)?;
-        if reader.rest().is_empty() { Ok(value) } else { Err(Malformed::PacketLength.into()) }
+        if reader.rest().is_empty() {
+            Ok(value)
+        } else {
+            Err(Malformed::PacketLength.into())
+        }
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::cursor::{Reader, to_usize};
 use crate::error::{ErrorKind, Limit, Malformed};
-use crate::scan::{ARRAY, MAX_DEPTH, MAX_TYPE, MAX_VALUE, Primitive, STRUCTURE, product, scan};
 use crate::ty::Type;
+use crate::ty::scan::{ARRAY, MAX_DEPTH, MAX_TYPE, MAX_VALUE, Primitive, STRUCTURE, product, scan};
 
 /// Step of a walk.
 #[derive(Clone, Copy, Debug)]
@@ -70,12 +70,18 @@ fn size(ty: &mut Reader<'_>, value: &mut Reader<'_>) -> Result<u32, ErrorKind> {
     }
 }
 
-/// Takes the sizes of so many indices; returns their product, or `None` beyond [`MAX_VALUE`], where none of them is 0.
+/// Takes the sizes of so many indices; returns their product, or `None` beyond [`MAX_VALUE`], where
+/// none of them is 0.
 ///
 /// # Errors
 /// `Incomplete`, or a malformed number.
-pub fn elements(indices: u32, ty: &mut Reader<'_>, value: &mut Reader<'_>) -> Result<Option<u32>, ErrorKind> {
-    let (mut elements, mut has_zero) = (Some(1), false);
+pub fn elements(
+    indices: u32,
+    ty: &mut Reader<'_>,
+    value: &mut Reader<'_>,
+) -> Result<Option<u32>, ErrorKind> {
+    let mut elements = Some(1);
+    let mut has_zero = false;
     for _ in 0..indices {
         let size = size(ty, value)?;
         has_zero |= size == 0;
@@ -92,6 +98,14 @@ struct Level {
     left: u32,
     /// Array: offsets of the element's type and of its end.
     element: Option<(usize, usize)>,
+}
+
+impl Level {
+    /// True if the offsets are within a type of `length` bytes.
+    fn is_within(&self, length: usize) -> bool {
+        self.element
+            .is_none_or(|(start, end)| start <= end && end <= length)
+    }
 }
 
 /// Next thing that a walk finds.
@@ -119,13 +133,20 @@ pub struct Place {
 
 impl Place {
     /// Before a value.
-    pub const START: Self =
-        Self { at: 0, levels: [Level { left: 0, element: None }; MAX_DEPTH], depth: 0, next: Next::Value };
+    pub const START: Self = Self {
+        at: 0,
+        levels: [Level {
+            left: 0,
+            element: None,
+        }; MAX_DEPTH],
+        depth: 0,
+        next: Next::Value,
+    };
 
-    /// The invariant: the stack is not overfull, and is empty at the end; no offset is beyond a type of `length` bytes.
+    /// The invariant: the stack is not overfull, and is empty at the end; no offset is beyond a
+    /// type of `length` bytes.
     #[must_use]
     pub fn is_valid(&self, length: usize) -> bool {
-        let within = |level: &Level| level.element.is_none_or(|(start, end)| start <= end && end <= length);
         let stack_matches = match self.next {
             Next::Value => true,
             Next::Part => self.depth > 0,
@@ -135,7 +156,7 @@ impl Place {
         self.at <= length
             && stack_matches
             && self.depth <= MAX_DEPTH
-            && levels.all(|(depth, level)| depth >= self.depth || within(level))
+            && levels.all(|(depth, level)| depth >= self.depth || level.is_within(length))
     }
 
     /// Number of arrays and structures around the place.
@@ -147,7 +168,10 @@ impl Place {
     /// Number of elements or fields that are still to come in the innermost of them.
     #[must_use]
     pub fn left(&self) -> u32 {
-        let innermost = self.depth.checked_sub(1).and_then(|top| self.levels.get(top));
+        let innermost = self
+            .depth
+            .checked_sub(1)
+            .and_then(|top| self.levels.get(top));
         innermost.map_or(0, |level| level.left)
     }
 }
@@ -166,13 +190,21 @@ impl<'t, 'v> Walk<'t, 'v> {
     /// Walk over the value of a type at the front of bytes.
     #[must_use]
     pub const fn new(ty: &Type<'t>, value: &'v [u8]) -> Self {
-        Self { ty: ty.bytes(), value: Reader::new(ty.version(), value), place: Place::START, skips: false }
+        Self {
+            ty: ty.bytes(),
+            value: Reader::new(ty.version(), value),
+            place: Place::START,
+            skips: false,
+        }
     }
 
     /// Walk at a place, if it is a valid one.
     #[must_use]
     pub fn from_parts(ty: &Type<'t>, value: &'v [u8], place: Place) -> Option<Self> {
-        let walk = Self { place, ..Self::new(ty, value) };
+        let walk = Self {
+            place,
+            ..Self::new(ty, value)
+        };
         walk.is_valid().then_some(walk)
     }
 
@@ -197,20 +229,28 @@ impl<'t, 'v> Walk<'t, 'v> {
     /// Next step; `None` when the value has ended.
     ///
     /// # Errors
-    /// `Incomplete` if the bytes end within the value; `Limit` if an array or a text exceeds [`MAX_VALUE`](crate::MAX_VALUE) bytes.
+    /// `Incomplete` if the bytes end within the value; `Limit` if an array or a text exceeds
+    /// [`MAX_VALUE`](crate::MAX_VALUE) bytes.
     pub fn step(&mut self) -> Result<Option<Step<'t, 'v>>, ErrorKind> {
         if self.place.next == Next::Part {
             if let Some(step) = self.part()? {
                 return Ok(Some(step));
             }
         }
-        if self.place.next == Next::Value { self.value().map(Some) } else { Ok(None) }
+        if self.place.next == Next::Value {
+            self.value().map(Some)
+        } else {
+            Ok(None)
+        }
     }
 
-    /// Field, or end of the innermost array or structure; `None` if an element begins, which is a value.
+    /// Field, or end of the innermost array or structure; `None` if an element begins, which is a
+    /// value.
     fn part(&mut self) -> Result<Option<Step<'t, 'v>>, ErrorKind> {
         let top = self.place.depth.saturating_sub(1);
-        let Some(level) = self.place.levels.get_mut(top) else { return Ok(Some(self.leave(None))) };
+        let Some(level) = self.place.levels.get_mut(top) else {
+            return Ok(Some(self.leave(None)));
+        };
         let Level { left, element } = *level;
         if left == 0 {
             return Ok(Some(self.leave(element)));
@@ -243,7 +283,10 @@ impl<'t, 'v> Walk<'t, 'v> {
             ARRAY => self.array(ty),
             STRUCTURE => {
                 let fields = ty.number()?;
-                self.enter(Level { left: fields, element: None })?;
+                self.enter(Level {
+                    left: fields,
+                    element: None,
+                })?;
                 self.place.at = self.offset(&ty);
                 Ok(Step::Structure(fields))
             }
@@ -259,8 +302,13 @@ impl<'t, 'v> Walk<'t, 'v> {
 
     /// Beginning of an array, behind its code.
     fn array(&mut self, mut ty: Reader<'t>) -> Result<Step<'t, 'v>, ErrorKind> {
-        let (indices, mut value) = (ty.number()?, self.value);
-        let sizes = Sizes { indices, of_type: ty, of_value: value };
+        let indices = ty.number()?;
+        let mut value = self.value;
+        let sizes = Sizes {
+            indices,
+            of_type: ty,
+            of_value: value,
+        };
         let count = elements(indices, &mut ty, &mut value)?.ok_or(Limit::Value)?;
         let start = self.offset(&ty);
         let (extent, length) = scan(ty.version(), ty.rest())?;
@@ -274,31 +322,45 @@ impl<'t, 'v> Walk<'t, 'v> {
             return Err(ErrorKind::Incomplete);
         }
         if self.skips && extent.fixed {
-            value.take(bytes)?;
+            value.read_exact(bytes)?;
             self.value = value;
             self.place.at = end;
             self.end_of_value();
             return Ok(Step::Skipped);
         }
-        self.enter(Level { left: count, element: Some((start, end)) })?;
+        self.enter(Level {
+            left: count,
+            element: Some((start, end)),
+        })?;
         self.value = value;
         Ok(Step::Array(sizes))
     }
 
     fn enter(&mut self, level: Level) -> Result<(), ErrorKind> {
-        *self.place.levels.get_mut(self.place.depth).ok_or(Limit::Depth)? = level;
+        *self
+            .place
+            .levels
+            .get_mut(self.place.depth)
+            .ok_or(Limit::Depth)? = level;
         self.place.depth = self.place.depth.saturating_add(1);
         self.place.next = Next::Part;
         Ok(())
     }
 
     const fn end_of_value(&mut self) {
-        self.place.next = if self.place.depth == 0 { Next::Nothing } else { Next::Part };
+        self.place.next = if self.place.depth == 0 {
+            Next::Nothing
+        } else {
+            Next::Part
+        };
     }
 
     /// Type from the place on.
     fn ty(&self) -> Reader<'t> {
-        Reader::new(self.value.version(), self.ty.get(self.place.at..).unwrap_or_default())
+        Reader::new(
+            self.value.version(),
+            self.ty.get(self.place.at..).unwrap_or_default(),
+        )
     }
 
     /// Offset of a cursor in the type.
@@ -337,7 +399,10 @@ pub fn value_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
 
 /// Number of bytes of a value, by a walk over it.
 fn walked_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
-    let mut walk = Walk { skips: true, ..Walk::new(ty, bytes) };
+    let mut walk = Walk {
+        skips: true,
+        ..Walk::new(ty, bytes)
+    };
     while walk.step()?.is_some() {}
     Ok(bytes.len().saturating_sub(walk.rest().len()))
 }

@@ -5,7 +5,7 @@ use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::verification::control::{Axis, AxisCommand};
 
 use super::kani;
-use crate::axis::{self, Kind};
+use crate::properties::axis::{self, Kind};
 
 /// Any axis that validation accepts.
 fn any_axis() -> AxisConfig {

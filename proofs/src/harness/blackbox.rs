@@ -4,7 +4,9 @@ use gantry_tau_core::control::session::recorder::{Entries, Entry, Recorder, Segm
 use gantry_tau_core::control::session::{Events, Input};
 
 use super::kani;
-use crate::blackbox::{Numbered, input_is_copied, numbered_up_to, records_a_step, releases};
+use crate::properties::blackbox::{
+    Numbered, input_is_copied, numbered_up_to, records_a_step, releases,
+};
 
 /// Any valid segment: any number of entries ever written, any number of them in use.
 fn any_segment<const HALF: usize>() -> Option<Segment<u8, (), u8, HALF>> {
@@ -13,7 +15,10 @@ fn any_segment<const HALF: usize>() -> Option<Segment<u8, (), u8, HALF>> {
     for index in 0..HALF {
         if index < written {
             let output = kani::any();
-            assert!(entries.push(Entry { input: (), output }).is_ok(), "there is room");
+            assert!(
+                entries.push(Entry { input: (), output }).is_ok(),
+                "there is room"
+            );
         }
     }
     Segment::from_parts(kani::any(), entries, kani::any())
@@ -46,7 +51,11 @@ fn releases_any<const HALF: usize>() {
 
 /// Any input with up to two events.
 fn any_input() -> Input<1> {
-    let mut input = Input { tick: kani::any(), epochs: kani::any(), events: Events::new() };
+    let mut input = Input {
+        tick: kani::any(),
+        epochs: kani::any(),
+        events: Events::new(),
+    };
     for _ in 0..2 {
         if kani::any() {
             assert!(input.events.push(kani::any()).is_ok(), "there is room");

@@ -9,7 +9,7 @@ use gantry_tau_core::control::session::{Input, Output, Session, Start};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 
 use super::kani;
-use crate::capi;
+use crate::properties::capi;
 
 /// Any index below a bound.
 fn any_index(bound: usize) -> usize {
@@ -33,7 +33,9 @@ fn first_output<const N: usize>() -> Option<Output<N>> {
 
 /// Any output of a tick, with the State of a first one, and none or one refusal.
 fn check_output<const N: usize>() {
-    let Some(mut output) = first_output::<N>() else { return };
+    let Some(mut output) = first_output::<N>() else {
+        return;
+    };
     (output.owner, output.welcome, output.ended) = (kani::any(), kani::any(), kani::any());
     let is_refused = kani::any();
     if is_refused {
@@ -42,7 +44,12 @@ fn check_output<const N: usize>() {
     }
     let references: Option<[Reference; GT_MAX_MOTORS]> = kani::any();
     kani::cover!(references.is_some(), "some references are written");
-    capi::output_arrives::<N>(references.as_ref(), &output, any_index(GT_MAX_MOTORS + 1), any_index(GT_MAX_MOTORS));
+    capi::output_arrives::<N>(
+        references.as_ref(),
+        &output,
+        any_index(GT_MAX_MOTORS + 1),
+        any_index(GT_MAX_MOTORS),
+    );
 }
 
 harnesses! {

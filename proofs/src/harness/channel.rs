@@ -4,7 +4,9 @@ use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::units::OffsetNm;
 
 use super::kani;
-use crate::channel::{Position, change_is_bounded, ramp_is_exact, ramp_lowers_any_bound};
+use crate::properties::channel::{
+    Position, change_is_bounded, ramp_is_exact, ramp_lowers_any_bound,
+};
 
 /// Any channel that is valid under the limits.
 fn any_channel(limits: &Limits<OffsetNm>) -> Position {

@@ -5,7 +5,7 @@ use gantry_tau_core::control::message::ServerMessage;
 use gantry_tau_core::verification::control::Dialogue;
 
 use super::kani;
-use crate::client;
+use crate::properties::client;
 
 /// Any dialogue in any valid state; some wait for an answer.
 fn any_dialogue<const N: usize>() -> Dialogue<N> {

@@ -6,11 +6,17 @@ use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
 use super::kani;
-use crate::compensation::{correction_is_bounded, offset_is_within, sensor_check_admits_finite};
+use crate::properties::compensation::{
+    correction_is_bounded, offset_is_within, sensor_check_admits_finite,
+};
 
 /// Any configuration, even one that is refused, and any numbers.
 fn any_correction_is_bounded<const N: usize>() {
-    let config = CompensatorConfig { gain: kani::any(), limits: kani::any(), metres_per_q: kani::any() };
+    let config = CompensatorConfig {
+        gain: kani::any(),
+        limits: kani::any(),
+        metres_per_q: kani::any(),
+    };
     correction_is_bounded::<N>(&config, &kani::any(), &kani::any());
 }
 

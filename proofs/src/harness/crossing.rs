@@ -3,7 +3,9 @@
 use gantry_tau_core::units::{Metres, PositionNm};
 
 use super::kani;
-use crate::crossing::{back_is_finite, offset_is_total, position_is_total, rounding_is_exact, rounding_keeps_order};
+use crate::properties::crossing::{
+    back_is_finite, offset_is_total, position_is_total, rounding_is_exact, rounding_keeps_order,
+};
 
 harnesses! {
     crossing_of_a_position_is_total [minisat] {

@@ -1,8 +1,8 @@
 //! Any session, any drives, any fate of the last references, any cycle.
 
 use super::kani;
-use crate::axis::Kind;
-use crate::drive::{self, Before, Fate};
+use crate::properties::axis::Kind;
+use crate::properties::drive::{self, Before, Fate};
 use crate::stand_in;
 
 /// Axes of a session whose axes could affect each other.

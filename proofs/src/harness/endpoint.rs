@@ -6,15 +6,22 @@ use gantry_tau_core::control::wire::{Deframer, Feed, Frame};
 use gantry_tau_core::verification::control::Slot;
 
 use super::kani;
-use crate::endpoint;
+use crate::properties::endpoint;
 
 /// Any outcome of a feed of at least one byte, and of no byte.
-#[cfg_attr(not(kani), allow(dead_code, reason = "Kani puts it in the place of the deframer"))]
+#[cfg_attr(
+    not(kani),
+    allow(dead_code, reason = "Kani puts it in the place of the deframer")
+)]
 fn any_feed<'a>(_: &'a mut Deframer, bytes: &[u8]) -> Feed<'a> {
     match (kani::any::<u8>(), Frame::from_parts(kani::any(), &[])) {
         (0, Some(frame)) => {
             let consumed = kani::any();
-            assume!(0 < consumed && consumed <= bytes.len(), consumed == 1, "a frame's end is read");
+            assume!(
+                0 < consumed && consumed <= bytes.len(),
+                consumed == 1,
+                "a frame's end is read"
+            );
             Feed::Frame { frame, consumed }
         }
         (1, _) => Feed::Broken(kani::any()),
@@ -22,19 +29,32 @@ fn any_feed<'a>(_: &'a mut Deframer, bytes: &[u8]) -> Feed<'a> {
     }
 }
 
-/// Any verdict on a datagram. (The bound makes the lifetime a parameter of the function, as it is of the one that is replaced.)
-#[cfg_attr(not(kani), allow(dead_code, reason = "Kani puts it in the place of the parser"))]
+/// Any verdict on a datagram. (The bound makes the lifetime a parameter of the function, as it is
+/// of the one that is replaced.)
+#[cfg_attr(
+    not(kani),
+    allow(dead_code, reason = "Kani puts it in the place of the parser")
+)]
 fn any_frame<'a>(_: &'a [u8]) -> Result<Frame<'a>, FrameError>
 where
     'a: 'a,
 {
-    Frame::from_parts(kani::any(), &[]).filter(|_| kani::any()).ok_or(kani::any())
+    Frame::from_parts(kani::any(), &[])
+        .filter(|_| kani::any())
+        .ok_or(kani::any())
 }
 
 /// Any message of a frame, or none.
-#[cfg_attr(not(kani), allow(dead_code, reason = "Kani puts it in the place of the decoder"))]
+#[cfg_attr(
+    not(kani),
+    allow(dead_code, reason = "Kani puts it in the place of the decoder")
+)]
 fn any_message<const N: usize>(_: &Frame<'_>) -> Result<ClientMessage<N>, ContentError> {
-    if kani::any() { Ok(kani::any()) } else { Err(kani::any()) }
+    if kani::any() {
+        Ok(kani::any())
+    } else {
+        Err(kani::any())
+    }
 }
 
 harnesses! {

@@ -4,19 +4,27 @@ use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::verification::control::{FsmInput, FsmState, Rules};
 
 use super::kani;
-use crate::fsm;
+use crate::properties::fsm;
 
 /// Any rules with a handshake of at least one tick.
 fn any_rules() -> Rules {
     let rules: Rules = kani::any();
-    assume!(rules.handshake_ticks > 0, rules.budget.is_some(), "some rules have a budget");
+    assume!(
+        rules.handshake_ticks > 0,
+        rules.budget.is_some(),
+        "some rules have a budget"
+    );
     rules
 }
 
 /// Any valid discrete state.
 fn any_discrete(rules: &Rules) -> FsmState {
     let state: FsmState = kani::any();
-    assume!(state.is_valid(rules.handshake_ticks), state.phase == Phase::Obtain, "Obtain is a valid state");
+    assume!(
+        state.is_valid(rules.handshake_ticks),
+        state.phase == Phase::Obtain,
+        "Obtain is a valid state"
+    );
     state
 }
 

@@ -5,13 +5,17 @@ use gantry_tau_core::control::session::{Connection, Event, Session};
 use gantry_tau_core::verification::control::{Accepted, Diagnostics};
 
 use super::kani;
-use crate::ingress;
+use crate::properties::ingress;
 
 const AXES: usize = 3;
 
 /// Any counts; the refusals are written, never read.
 fn any_diagnostics() -> Diagnostics {
-    Diagnostics { counters: kani::any::<Counters>(), late: kani::any(), ..Diagnostics::default() }
+    Diagnostics {
+        counters: kani::any::<Counters>(),
+        late: kani::any(),
+        ..Diagnostics::default()
+    }
 }
 
 harnesses! {

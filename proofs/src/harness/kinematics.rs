@@ -3,8 +3,8 @@
 use gantry_tau_core::model::{f1, l2};
 
 use super::kani;
-use crate::kinematics::check_is_right;
-use crate::six_link;
+use crate::properties::kinematics::check_is_right;
+use crate::properties::six_link;
 
 harnesses! {
     kinematics_check_is_right [minisat] {

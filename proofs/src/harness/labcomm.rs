@@ -1,14 +1,17 @@
-//! T16: any number, any bytes as a type or definition, a step of a walk from any place, any sample of the thesis, any chunk.
+//! T16: any number, any bytes as a type or definition, a step of a walk from any place, any sample
+//! of the thesis, any chunk.
 
 use gantry_tau_labcomm::samples::{Data, ForceSensor};
 use gantry_tau_labcomm::verification::Extent;
-use gantry_tau_labcomm::{Collector, ErrorKind, MAX_NUMBER, MAX_VALUE, Reader, Registry, Type, Version};
+use gantry_tau_labcomm::{
+    Collector, ErrorKind, MAX_NUMBER, MAX_VALUE, Reader, Registry, Type, Version,
+};
 
 use super::kani;
-use crate::labcomm::{
-    chunk_is_collected, definition_is_judged, definition_is_kept, front_is_dropped, number_is_canonical,
-    number_survives, product_is_bounded, sample_is_canonical, sample_survives, scan_advances, sizes_are_taken,
-    walk_advances,
+use crate::properties::labcomm::{
+    chunk_is_collected, definition_is_judged, definition_is_kept, front_is_dropped,
+    number_is_canonical, number_survives, product_is_bounded, sample_is_canonical, sample_survives,
+    scan_advances, sizes_are_taken, walk_advances,
 };
 
 /// Any length that is at most this.
@@ -18,14 +21,20 @@ fn any_length(most: usize) -> usize {
     length
 }
 
-/// Number: any, of one to five bytes that are there, or any error. Stands in for its decoding, which is proved.
+/// Number: any, of one to five bytes that are there, or any error. Stands in for its decoding,
+/// which is proved.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn any_number(_: Version, bytes: &[u8]) -> Result<(u32, usize), ErrorKind> {
     let taken: usize = kani::any();
-    if (1..=MAX_NUMBER.min(bytes.len())).contains(&taken) { Ok((kani::any(), taken)) } else { Err(kani::any()) }
+    if (1..=MAX_NUMBER.min(bytes.len())).contains(&taken) {
+        Ok((kani::any(), taken))
+    } else {
+        Err(kani::any())
+    }
 }
 
-/// Check of a type: any type of any length that is there, or any error. Stands in for the steps of the check, each of which is proved.
+/// Check of a type: any type of any length that is there, or any error. Stands in for the steps of
+/// the check, each of which is proved.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn any_scan(_: Version, bytes: &[u8]) -> Result<(Extent, usize), ErrorKind> {
     if kani::any() {
@@ -49,21 +58,30 @@ fn any_product(one: u32, other: u32) -> Option<u32> {
     (product >= one && product >= other && product <= MAX_VALUE).then_some(product)
 }
 
-/// Sizes of an array: any that are there, of any number of elements, or any error. Stands in for the loop over them, which is proved.
+/// Sizes of an array: any that are there, of any number of elements, or any error. Stands in for
+/// the loop over them, which is proved.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
-fn any_elements(_: u32, ty: &mut Reader<'_>, value: &mut Reader<'_>) -> Result<Option<u32>, ErrorKind> {
+fn any_elements(
+    _: u32,
+    ty: &mut Reader<'_>,
+    value: &mut Reader<'_>,
+) -> Result<Option<u32>, ErrorKind> {
     if kani::any() {
         return Err(kani::any());
     }
-    ty.take(kani::any())?;
-    value.take(kani::any())?;
+    ty.read_exact(kani::any())?;
+    value.read_exact(kani::any())?;
     Ok(Some(kani::any()).filter(|count| *count <= MAX_VALUE))
 }
 
 /// Any valid collector of 8 bytes.
 fn any_collector() -> Collector<8> {
     let collector: Collector<8> = kani::any();
-    assume!(collector.is_valid(), collector.held().len() == 8, "a full collector");
+    assume!(
+        collector.is_valid(),
+        collector.held().len() == 8,
+        "a full collector"
+    );
     collector
 }
 

@@ -1,10 +1,13 @@
-//! T16: any bytes into any decoder. What it calls is replaced by any outcome; `labcomm` proves these.
+//! T16: any bytes into any decoder. What it calls is replaced by any outcome; `labcomm` proves
+//! these.
 
 use gantry_tau_labcomm::verification::Extent;
-use gantry_tau_labcomm::{Decoder, Definition, ErrorKind, MAX_NUMBER, Reader, Registry, Type, Version};
+use gantry_tau_labcomm::{
+    Decoder, Definition, ErrorKind, MAX_NUMBER, Reader, Registry, Type, Version,
+};
 
 use super::kani;
-use crate::labcomm::{broken_stays_broken, decode_is_judged};
+use crate::properties::labcomm::{broken_stays_broken, decode_is_judged};
 
 /// Any length that is at most this.
 fn any_length(most: usize) -> usize {
@@ -13,44 +16,69 @@ fn any_length(most: usize) -> usize {
     length
 }
 
-/// Number: any, of one to five bytes that are there, or any error. Stands in for its decoding, which is proved.
+/// Number: any, of one to five bytes that are there, or any error. Stands in for its decoding,
+/// which is proved.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn any_number(_: Version, bytes: &[u8]) -> Result<(u32, usize), ErrorKind> {
     let taken: usize = kani::any();
-    if (1..=MAX_NUMBER.min(bytes.len())).contains(&taken) { Ok((kani::any(), taken)) } else { Err(kani::any()) }
+    if (1..=MAX_NUMBER.min(bytes.len())).contains(&taken) {
+        Ok((kani::any(), taken))
+    } else {
+        Err(kani::any())
+    }
 }
 
-/// Number of bytes of a value: that of its type, or any that is there, or any error. Stands in for the walk over a whole value, whose every
-/// step is proved.
+/// Number of bytes of a value: that of its type, or any that is there, or any error. Stands in for
+/// the walk over a whole value, whose every step is proved.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn any_value_len(ty: &Type<'_>, bytes: &[u8]) -> Result<usize, ErrorKind> {
     if let Some(size) = ty.fixed_size() {
-        return if size <= bytes.len() { Ok(size) } else { Err(ErrorKind::Incomplete) };
+        return if size <= bytes.len() {
+            Ok(size)
+        } else {
+            Err(ErrorKind::Incomplete)
+        };
     }
     if kani::any() {
         return Err(kani::any());
     }
     let length: usize = kani::any();
-    if length <= bytes.len() { Ok(length) } else { Err(ErrorKind::Incomplete) }
+    if length <= bytes.len() {
+        Ok(length)
+    } else {
+        Err(ErrorKind::Incomplete)
+    }
 }
 
 /// Type of a definition in the stream: a byte. The decoder hands it on, and does not look into it.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn one_byte(_: Version, bytes: &[u8]) -> Result<(Extent, usize), ErrorKind> {
-    Ok((Extent { smallest: 1, fixed: true }, bytes.len()))
+    Ok((
+        Extent {
+            smallest: 1,
+            fixed: true,
+        },
+        bytes.len(),
+    ))
 }
 
-/// Definition in a stream: any that is there, or any error. Its name and type, which the decoder hands on, are the same for all.
+/// Definition in a stream: any that is there, or any error. Its name and type, which the decoder
+/// hands on, are the same for all.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn any_definition<'b>(reader: &mut Reader<'b>) -> Result<Definition<'b>, ErrorKind> {
     if kani::any() {
         return Err(kani::any());
     }
-    reader.take(kani::any())?;
-    Ok(Definition { index: kani::any(), name: &[], ty: Type::whole(reader.version(), &[0x21])? })
+    reader.read_exact(kani::any())?;
+    Ok(Definition {
+        index: kani::any(),
+        name: &[],
+        ty: Type::whole(reader.version(), &[0x21])?,
+    })
 }
 
-/// Definition: taken or not, and any valid registry behind it. Stands in for the registry, of which this is proved.
+/// Definition: taken or not, and any valid registry behind it. Stands in for the registry, of which
+/// this is proved.
 #[allow(dead_code, reason = "named by functions that only Kani runs")]
 fn any_define<const S: usize, const B: usize>(
     registry: &mut Registry<S, B>,
@@ -62,7 +90,11 @@ fn any_define<const S: usize, const B: usize>(
     if after.is_valid() {
         *registry = after;
     }
-    if kani::any() { Ok(()) } else { Err(kani::any()) }
+    if kani::any() {
+        Ok(())
+    } else {
+        Err(kani::any())
+    }
 }
 
 harnesses! {

@@ -1,4 +1,5 @@
-//! Any samples of any channel, any two States of a channel, any two references. (No alarm on a session is tested, not proved.)
+//! Any samples of any channel, any two States of a channel, any two references. (No alarm on a
+//! session is tested, not proved.)
 
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::message::{AxisLimits, State};
@@ -8,13 +9,16 @@ use gantry_tau_core::verification::control::Trace;
 use gantry_tau_core::{Offsets, PositionNm, Reference, Travel};
 
 use super::kani;
-use crate::monitor;
+use crate::properties::monitor;
 
 /// Any last sample of a channel: its change is the difference of two values.
 fn any_trace() -> Trace {
     let (earlier, value): (i32, i32) = (kani::any(), kani::any());
     let is_known: bool = kani::any();
-    Trace { value: value.into(), change: is_known.then_some(i64::from(value) - i64::from(earlier)) }
+    Trace {
+        value: value.into(),
+        change: is_known.then_some(i64::from(value) - i64::from(earlier)),
+    }
 }
 
 /// Any State whose axis has offsets and shadow in one channel only.
@@ -29,8 +33,14 @@ fn any_state(kind: ChannelKind) -> State<1> {
 fn only(offsets: Offsets, kind: ChannelKind) -> Offsets {
     match kind {
         ChannelKind::Position => Offsets::position(offsets.position),
-        ChannelKind::Velocity => Offsets { velocity: offsets.velocity, ..Offsets::ZERO },
-        ChannelKind::Torque => Offsets { torque: offsets.torque, ..Offsets::ZERO },
+        ChannelKind::Velocity => Offsets {
+            velocity: offsets.velocity,
+            ..Offsets::ZERO
+        },
+        ChannelKind::Torque => Offsets {
+            torque: offsets.torque,
+            ..Offsets::ZERO
+        },
     }
 }
 
@@ -39,7 +49,10 @@ fn check_states(kind: ChannelKind) {
     let limits: [AxisLimits; 1] = kani::any();
     let (before, state) = (any_state(kind), any_state(kind));
     monitor::state_is_flagged_exactly(&limits, &before, &state);
-    kani::cover!(state.axes[0].offsets != Offsets::ZERO, "some offsets are not zero");
+    kani::cover!(
+        state.axes[0].offsets != Offsets::ZERO,
+        "some offsets are not zero"
+    );
 }
 
 harnesses! {

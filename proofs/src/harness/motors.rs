@@ -3,7 +3,7 @@
 use gantry_tau_core::control::axis::Reference;
 
 use super::kani;
-use crate::motors;
+use crate::properties::motors;
 
 const AXES: usize = 6;
 const MOTORS: usize = 9;

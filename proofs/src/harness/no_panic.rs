@@ -1,13 +1,15 @@
-//! T12: functions that no other family calls. Kani checks that nothing panics; the assertions beside it use the results.
+//! T12: functions that no other family calls. Kani checks that nothing panics; the assertions
+//! beside it use the results.
 
 use gantry_tau_core::control::session::config::{Config, Parameters};
 use gantry_tau_core::control::session::{Connection, Event, Events, LastWrite, Session, Start};
 use gantry_tau_core::verification::control::Internals;
 
 use super::kani;
-use crate::session;
+use crate::properties::session;
 
-/// Any parameters, valid or not, are judged; a session starts from any offsets, or refuses, and is then valid.
+/// Any parameters, valid or not, are judged; a session starts from any offsets, or refuses, and is
+/// then valid.
 fn start_any<const N: usize>() {
     let parameters: Parameters<N> = kani::any();
     if let Ok(config) = Config::new(parameters) {
@@ -17,11 +19,14 @@ fn start_any<const N: usize>() {
     }
 }
 
-/// The fate of the last references is settled, whatever it is.
+/// Any fate of the last references is settled.
 fn write_any<const N: usize>() {
     let last_write: LastWrite<N> = kani::any();
     session::settles_any_write::<N>(&kani::any(), &last_write);
-    kani::cover!(matches!(last_write, LastWrite::Refused { .. }), "some writes are refused");
+    kani::cover!(
+        matches!(last_write, LastWrite::Refused { .. }),
+        "some writes are refused"
+    );
 }
 
 harnesses! {

@@ -5,14 +5,25 @@ use gantry_tau_core::control::position_loop::{LoopInput, LoopParts, PositionLoop
 use gantry_tau_core::units::PositionNm;
 
 use super::kani;
-use crate::position_loop::{self as loops, Before, MAX_WEIGHTED};
+use crate::properties::position_loop::{self as loops, Before, MAX_WEIGHTED};
 
 /// Any loop.
 fn any_unchecked() -> LoopParts {
     // Written out: a loop over the history would set the bound of all others.
-    let any = || kani::any::<PositionNm>();
     LoopParts {
-        history: [any(), any(), any(), any(), any(), any(), any(), any(), any(), any(), any()],
+        history: [
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+            kani::any(),
+        ],
         integral: kani::any(),
         velocity: kani::any(),
         torque: kani::any(),
@@ -46,23 +57,35 @@ fn any_below(count: usize) -> usize {
 /// Any value that may be weighted.
 fn any_value() -> i64 {
     let value = kani::any();
-    assume!((-MAX_WEIGHTED..=MAX_WEIGHTED).contains(&value), value < 0, "some values are below zero");
+    assume!(
+        (-MAX_WEIGHTED..=MAX_WEIGHTED).contains(&value),
+        value < 0,
+        "some values are below zero"
+    );
     value
+}
+
+/// Any valid loops of three axes.
+fn any_axes([one, two, three]: &[LoopConfig; 3]) -> [PositionLoop; 3] {
+    [any_loop(one), any_loop(two), any_loop(three)]
 }
 
 /// Valid loops of three axes, anything that they get.
 fn any_loops() -> Before<3> {
     let config: [LoopConfig; 3] = [kani::any(), kani::any(), kani::any()];
-    let any = || [any_loop(&config[0]), any_loop(&config[1]), any_loop(&config[2])];
     let before = Before {
         config,
-        axes: any(),
-        earlier: any(),
+        axes: any_axes(&config),
+        earlier: any_axes(&config),
         inputs: [kani::any(), kani::any(), kani::any()],
         accepted: kani::any(),
     };
     let loops = before.loops();
-    assume!(loops.is_some(), loops.is_some_and(|loops| loops.is_running()), "some loops run");
+    assume!(
+        loops.is_some(),
+        loops.is_some_and(|loops| loops.is_running()),
+        "some loops run"
+    );
     before
 }
 
@@ -72,7 +95,7 @@ mod unknown {
     use core::sync::atomic::{AtomicI64, AtomicU16, AtomicUsize, Ordering};
 
     use super::kani;
-    use crate::position_loop::{MAX_WEIGHTED, is_product_of};
+    use crate::properties::position_loop::{MAX_WEIGHTED, is_product_of};
 
     /// Products that are remembered: those of one axis.
     const CALLS: usize = 4;
@@ -86,7 +109,11 @@ mod unknown {
         let within = (-MAX_WEIGHTED..=MAX_WEIGHTED).contains(&value);
         assert!(within, "T20: nothing beyond 2^25 is weighted");
         let product = kani::any();
-        assume!(is_product_of(value, weight, product), product != 0, "some products are not zero");
+        assume!(
+            is_product_of(value, weight, product),
+            product != 0,
+            "some products are not zero"
+        );
         product
     }
 
@@ -115,10 +142,22 @@ mod unknown {
     pub(super) fn monotone(value: i64, weight: u16) -> i64 {
         let product = product(value, weight);
         for call in 0..CALLS {
-            let (other, of_other) = (VALUES[call].load(Ordering::Relaxed), PRODUCTS[call].load(Ordering::Relaxed));
-            let comparable = call < COUNT.load(Ordering::Relaxed) && WEIGHTS[call].load(Ordering::Relaxed) == weight;
-            let is_monotone = if other <= value { of_other <= product } else { of_other >= product };
-            assume!(!comparable || is_monotone, comparable && of_other != product, "some products differ");
+            let (other, of_other) = (
+                VALUES[call].load(Ordering::Relaxed),
+                PRODUCTS[call].load(Ordering::Relaxed),
+            );
+            let comparable = call < COUNT.load(Ordering::Relaxed)
+                && WEIGHTS[call].load(Ordering::Relaxed) == weight;
+            let is_monotone = if other <= value {
+                of_other <= product
+            } else {
+                of_other >= product
+            };
+            assume!(
+                !comparable || is_monotone,
+                comparable && of_other != product,
+                "some products differ"
+            );
         }
         product
     }
@@ -144,10 +183,15 @@ mod given {
         error: i64,
     ) -> VelocityReference {
         let given = (*axis, *config, *input, error);
-        let Ok(mut first) = FIRST.lock() else { panic!("one thread") };
+        let Ok(mut first) = FIRST.lock() else {
+            panic!("one thread")
+        };
         let is_same = *first.get_or_insert(given) == given;
         *axis = PositionLoop::at_rest(PositionNm(is_same.into()));
-        VelocityReference { velocity: VelocityUmS(is_same.into()), torque: TorquePermille(0) }
+        VelocityReference {
+            velocity: VelocityUmS(is_same.into()),
+            torque: TorquePermille(0),
+        }
     }
 }
 

@@ -5,8 +5,8 @@ use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::verification::control::{Axis, Diagnostics, FsmState, Rules};
 
 use super::kani;
-use crate::axis::Kind;
-use crate::session::{self, StepInput};
+use crate::properties::axis::Kind;
+use crate::properties::session::{self, StepInput};
 use crate::stand_in;
 
 /// Axes of a session whose axes could affect each other.
@@ -14,12 +14,21 @@ const AXES: usize = 3;
 
 /// Any counts; the refusals are written, never read.
 fn any_diagnostics() -> Diagnostics {
-    Diagnostics { counters: kani::any::<Counters>(), late: kani::any(), ..Diagnostics::default() }
+    Diagnostics {
+        counters: kani::any::<Counters>(),
+        late: kani::any(),
+        ..Diagnostics::default()
+    }
 }
 
 /// Any step, and more: the accepted input need not follow from any events.
 fn any_input<const N: usize>() -> StepInput<N> {
-    StepInput { session: kani::any(), tick: kani::any(), accepted: kani::any(), diagnostics: any_diagnostics() }
+    StepInput {
+        session: kani::any(),
+        tick: kani::any(),
+        accepted: kani::any(),
+        diagnostics: any_diagnostics(),
+    }
 }
 
 harnesses! {

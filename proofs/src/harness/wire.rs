@@ -1,18 +1,19 @@
-//! T8: every body without a checksum, frames with one, the collector under the deframer by one chunk.
+//! T8: every body without a checksum, frames with one, the collector under the deframer by one
+//! chunk.
 
 use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
 use gantry_tau_core::control::wire::{
-    Body, Collector, ContentError, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME, PROTOCOL_VERSION, Short,
-    TRAILER_LEN, decode_client, decode_server,
+    Body, Collector, ContentError, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY, MAX_FRAME,
+    PROTOCOL_VERSION, Short, TRAILER_LEN, decode_client, decode_server,
 };
 use gantry_tau_core::units::Epoch;
 
 use super::kani;
-use crate::stand_in;
-use crate::wire::{
-    body_is_canonical, body_survives, chunk_is_collected, feed_is_judged, frame_is_canonical, frame_is_parsed,
-    frame_survives,
+use crate::properties::wire::{
+    body_is_canonical, body_survives, chunk_is_collected, feed_is_judged, frame_is_canonical,
+    frame_is_parsed, frame_survives,
 };
+use crate::stand_in;
 
 /// Any bytes of a body's length.
 fn canonical<B: Body, const LENGTH: usize>() {
@@ -46,7 +47,9 @@ impl<const LENGTH: usize> Body for Bytes<LENGTH> {
     }
 
     fn read(body: &[u8]) -> Result<Self, ContentError> {
-        body.first_chunk().map(|bytes| Self(*bytes)).ok_or(ContentError::Reserved)
+        body.first_chunk()
+            .map(|bytes| Self(*bytes))
+            .ok_or(ContentError::Reserved)
     }
 }
 

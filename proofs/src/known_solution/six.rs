@@ -1,4 +1,5 @@
-//! The machine with six axes: its equations once more, and Newton's method with differences for derivatives and small steps.
+//! The machine with six axes: its equations once more, and Newton's method with differences for
+//! derivatives and small steps.
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose};
@@ -6,13 +7,14 @@ use gantry_tau_core::model::robot::Branch;
 use nalgebra::{Matrix3, Matrix6, Vector6};
 
 use super::{ARM_OF_LINK, REGULAR, Vector, close, near, share, sign, turned};
+use crate::properties::six_link::answers_are_checked;
 use crate::robots;
-use crate::six_link::answers_are_checked;
 
 /// Six numbers: positions of the axes, or a place and a rotation vector.
 type Numbers = Vector6<f64>;
 
-/// A machine with six axes as differences from the vectors' F1, the place of its tool, and the errors of the seeds.
+/// A machine with six axes as differences from the vectors' F1, the place of its tool, and the
+/// errors of the seeds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Six {
@@ -43,11 +45,14 @@ struct Made {
     q: Numbers,
 }
 
-/// T13: seeded near the answer that the machine was made of, core finds it, both ways, as the slow solver does; seeded farther away or
-/// not at all it finds an answer of this machine, or says why not.
+/// T13: seeded near the answer that the machine was made of, core finds it, both ways, as the slow
+/// solver does; seeded farther away or not at all it finds an answer of this machine, or says why
+/// not.
 pub fn six_is_solved(input: &Six) {
     let Some(made) = Made::new(input) else { return };
-    let Some(kinematics) = robots::f1(made.geometry) else { return };
+    let Some(kinematics) = robots::f1(made.geometry) else {
+        return;
+    };
     let pose = pose(&made.tool);
     made.equations_are_these(&kinematics, &pose);
     for seed in [None, Some(plates(&made.q))] {
@@ -63,11 +68,18 @@ impl Made {
     fn new(input: &Six) -> Option<Self> {
         let base = robots::f1_geometry();
         let [x, y, z] = robots::f1_home();
-        let tool = Numbers::new(x, y, z, 0.0, 0.0, 0.0) + Numbers::from(input.tool.map(|step| share(step, 0.4)));
-        let q =
-            Numbers::new(1.5, 1.5, 1.5, 0.0, 0.0, 0.0) + Numbers::from(input.positions.map(|step| share(step, 0.5)));
+        let tool = Numbers::new(x, y, z, 0.0, 0.0, 0.0)
+            + Numbers::from(input.tool.map(|step| share(step, 0.4)));
+        let q = Numbers::new(1.5, 1.5, 1.5, 0.0, 0.0, 0.0)
+            + Numbers::from(input.positions.map(|step| share(step, 0.5)));
         let [turn_axis, tilt_axis] = near([base.turn_axis, base.tilt_axis], &input.axes, 0.3);
-        let signs = input.turn_signs.map(|other| if other { Branch::Negative } else { Branch::Positive });
+        let signs = input.turn_signs.map(|other| {
+            if other {
+                Branch::Negative
+            } else {
+                Branch::Positive
+            }
+        });
         let geometry = f1::Geometry {
             carts_m: near(base.carts_m, &input.carts, 0.3),
             guideways: near(base.guideways, &input.guideways, 0.3),
@@ -83,8 +95,12 @@ impl Made {
         made.geometry.lengths_m = made.links(&tool, &q).map(|link| link.norm());
         let sides = made.sides();
         made.geometry.configuration = [0, 1, 3].map(|first| sign(sides[first]));
-        let branch = |link: usize| made.geometry.configuration[ARM_OF_LINK[link]];
-        (0..6).all(|link| sides[link] * branch(link).sign() > REGULAR).then_some(made)
+        (0..6)
+            .all(|link| {
+                let branch = made.geometry.configuration[ARM_OF_LINK[link]];
+                sides[link] * branch.sign() > REGULAR
+            })
+            .then_some(made)
     }
 
     /// The cosine of each link to its guideway.
@@ -99,7 +115,8 @@ impl Made {
     /// From each platform joint to its plate joint `[T 3.1.2]`.
     fn links(&self, tool: &Numbers, q: &Numbers) -> [Vector; 6] {
         let geometry = &self.geometry;
-        let (turn, tilt) = (geometry.turn_axis, geometry.tilt_axis);
+        let turn = geometry.turn_axis;
+        let tilt = geometry.tilt_axis;
         let [sigma4, sigma5] = geometry.turn_signs.map(Branch::sign);
         std::array::from_fn(|link| {
             let arm = ARM_OF_LINK[link];
@@ -116,14 +133,18 @@ impl Made {
 
     /// By how much each link is too long.
     fn errors(&self, tool: &Numbers, q: &Numbers) -> Numbers {
-        Numbers::from(self.links(tool, q).map(|link| link.norm())) - Numbers::from(self.geometry.lengths_m)
+        Numbers::from(self.links(tool, q).map(|link| link.norm()))
+            - Numbers::from(self.geometry.lengths_m)
     }
 
     fn equations_are_these(&self, kinematics: &f1::Kinematics, pose: &Pose) {
         let ours = self.links(&self.tool, &self.q);
         let theirs = kinematics.links_m(pose, &self.q.into());
         for (ours, theirs) in ours.iter().zip(&theirs) {
-            assert!((ours - theirs).norm() < 1e-13, "the links are where the thesis has them");
+            assert!(
+                (ours - theirs).norm() < 1e-13,
+                "the links are where the thesis has them"
+            );
         }
     }
 
@@ -136,18 +157,24 @@ impl Made {
         let nearby = self.tool + 0.01 * off;
         let q = self.q.into();
         let found = kinematics.forward_from(&q, &pose(&nearby), COLD_ITERATIONS);
-        let distance = |found: &Pose| {
-            let known = pose(&self.tool);
-            let place = (found.position_m - known.position_m).norm();
-            place.max((found.rotation - known.rotation).norm())
-        };
-        assert!((found.as_ref()).is_ok_and(|found| distance(&found.value) < 1e-7), "T13: the known pose: {found:?}");
+        let known = pose(&self.tool);
+        assert!(
+            (found.as_ref()).is_ok_and(|found| distance(&found.value, &known) < 1e-7),
+            "T13: the known pose: {found:?}"
+        );
         let slow = creep(&unknown, nearby);
-        assert!(slow.is_some_and(|slow| close(&slow, &self.tool, 1e-7)), "the slow solver finds it too: {slow:?}");
-        // Farther away it may be another one, but it is one, on the seed's side of every singularity.
+        assert!(
+            slow.is_some_and(|slow| close(&slow, &self.tool, 1e-7)),
+            "the slow solver finds it too: {slow:?}"
+        );
+        // Farther away it may be another one, but it is one, on the seed's side of every
+        // singularity.
         if let Ok(found) = kinematics.forward_from(&q, &pose(&(self.tool + off)), COLD_ITERATIONS) {
             let lengths = kinematics.links_m(&found.value, &q).map(|link| link.norm());
-            assert!(close(&lengths, &self.geometry.lengths_m, 2e-9), "T13: every length");
+            assert!(
+                close(&lengths, &self.geometry.lengths_m, 2e-9),
+                "T13: every length"
+            );
         }
     }
 
@@ -164,8 +191,18 @@ impl Made {
             self.q
         );
         let slow = creep(&unknown, nearby);
-        assert!(slow.is_some_and(|slow| close(&slow, &self.q, 1e-7)), "the slow solver finds them too: {slow:?}");
+        assert!(
+            slow.is_some_and(|slow| close(&slow, &self.q, 1e-7)),
+            "the slow solver finds them too: {slow:?}"
+        );
     }
+}
+
+/// Distance of two poses: of their positions, metres, or of their rotation matrices (Frobenius
+/// norm), whichever is larger.
+fn distance(one: &Pose, other: &Pose) -> f64 {
+    let position_m = (one.position_m - other.position_m).norm();
+    position_m.max((one.rotation - other.rotation).norm())
 }
 
 /// Positions of the plates.
@@ -175,15 +212,25 @@ fn plates(q: &Numbers) -> [f64; 3] {
 
 /// A point of the platform in the world.
 fn placed(point: Vector, tool: &Numbers) -> Vector {
-    let (place, turn) = (tool.fixed_rows::<3>(0), tool.fixed_rows::<3>(3).into_owned());
+    let place = tool.fixed_rows::<3>(0);
+    let turn = tool.fixed_rows::<3>(3).into_owned();
     let angle = turn.norm();
-    place + if angle > 0.0 { turned(point, turn, angle) } else { point }
+    place
+        + if angle > 0.0 {
+            turned(point, turn, angle)
+        } else {
+            point
+        }
 }
 
 fn pose(tool: &Numbers) -> Pose {
     let position_m = placed(Vector::zeros(), tool);
-    let columns = [Vector::x(), Vector::y(), Vector::z()].map(|axis| placed(axis, tool) - position_m);
-    Pose { position_m, rotation: Matrix3::from_columns(&columns) }
+    let columns =
+        [Vector::x(), Vector::y(), Vector::z()].map(|axis| placed(axis, tool) - position_m);
+    Pose {
+        position_m,
+        rotation: Matrix3::from_columns(&columns),
+    }
 }
 
 /// Derivatives of the errors by the unknowns, by differences; rows are errors.

@@ -1,13 +1,15 @@
-//! The machine with three axes: positions by bisection, the tool by walking round the circle in which two spheres meet.
+//! The machine with three axes: positions by bisection, the tool by walking round the circle in
+//! which two spheres meet.
 
 use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::l2;
 
 use super::{ARM_OF_LINK, REGULAR, Vector, close, near, share, sign, turned};
-use crate::kinematics::{lengths_are_kept, travel_is_finite};
+use crate::properties::kinematics::{lengths_are_kept, travel_is_finite};
 use crate::robots;
 
-/// A machine with three axes as differences from `robots/l2.toml`, the place of its tool, and two more requests.
+/// A machine with three axes as differences from `robots/l2.toml`, the place of its tool, and two
+/// more requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Three {
@@ -38,10 +40,13 @@ struct Made {
     q: [f64; 3],
 }
 
-/// T13: core finds the answers that the machine was made of, what the slow solvers find and nothing else, and says why not.
+/// T13: core finds the answers that the machine was made of, what the slow solvers find and nothing
+/// else, and says why not.
 pub fn three_is_solved(input: &Three) {
     let made = Made::new(input);
-    let Some((robot, nominal)) = made.machine(input) else { return };
+    let Some((robot, nominal)) = made.machine(input) else {
+        return;
+    };
     travel_is_finite(&nominal);
     let [elsewhere] = near([made.tool], &[input.elsewhere], 2.0);
     let moved = std::array::from_fn(|arm| made.q[arm] + share(input.moved[arm], 2.0));
@@ -65,7 +70,15 @@ impl Made {
             let towards = [1.0, -1.0, 1.0][arm];
             towards * 0.6 + share(input.positions[arm], 1.0)
         });
-        let mut made = Self { origins, guideways, lengths: [0.0; 3], sides: [0.0; 3], height: 0.0, tool, q };
+        let mut made = Self {
+            origins,
+            guideways,
+            lengths: [0.0; 3],
+            sides: [0.0; 3],
+            height: 0.0,
+            tool,
+            q,
+        };
         let links = made.links(tool, q);
         made.lengths = links.map(|link| link.norm());
         made.sides = std::array::from_fn(|arm| links[arm].dot(&guideways[arm]));
@@ -77,7 +90,9 @@ impl Made {
         let base = robots::l2_geometry();
         let joints = near(base.platform_joints_m, &input.joints, 0.2);
         let mut geometry = l2::Geometry {
-            cart_joints_m: std::array::from_fn(|link| self.origins[ARM_OF_LINK[link]] + joints[link]),
+            cart_joints_m: std::array::from_fn(|link| {
+                self.origins[ARM_OF_LINK[link]] + joints[link]
+            }),
             platform_joints_m: joints,
             guideways: self.guideways,
             lengths_m: self.lengths,
@@ -104,7 +119,8 @@ impl Made {
         (two - one).cross(&(three - one)).dot(&(tool - one))
     }
 
-    /// The smallest of the relative measures of regularity, negative in another configuration than the machine's.
+    /// The smallest of the relative measures of regularity, negative in another configuration than
+    /// the machine's.
     fn regularity(&self, tool: Vector, q: [f64; 3]) -> f64 {
         let links = self.links(tool, q);
         let mut least = self.height_of(tool, q) * self.height.signum();
@@ -122,9 +138,15 @@ impl Made {
             return;
         }
         let inverse = nominal.inverse_in_assembly(&self.tool);
-        assert!(inverse.is_ok_and(|q| close(&q, &self.q, 1e-9)), "T13: the known positions: {inverse:?}");
+        assert!(
+            inverse.is_ok_and(|q| close(&q, &self.q, 1e-9)),
+            "T13: the known positions: {inverse:?}"
+        );
         let forward = nominal.forward(&self.q);
-        assert!(forward.is_ok_and(|tool| close(&tool, &self.tool, 1e-9)), "T13: the known tool: {forward:?}");
+        assert!(
+            forward.is_ok_and(|tool| close(&tool, &self.tool, 1e-9)),
+            "T13: the known tool: {forward:?}"
+        );
     }
 
     fn inverse_is_that_of_bisection(&self, nominal: &l2::Kinematics, tool: Vector) {
@@ -134,7 +156,8 @@ impl Made {
         for (arm, slow) in slow.iter_mut().enumerate() {
             let (q, spare) = self.bisect(arm, tool);
             if spare < -1e-9 {
-                // Which arm is told, not only that one is; unless one before it barely reaches.
+                // The error names the arm, not only that there is one; unless one before it barely
+                // reaches.
                 let named = found == Err(KinematicsError::Unreachable { arm });
                 assert!(named || grazes, "T13: arm {arm} is out of reach: {found:?}");
                 return;
@@ -144,28 +167,45 @@ impl Made {
             *slow = q;
         }
         match found {
-            Ok(q) => assert!(grazes || close(&q, &slow, 1e-9), "T13: {q:?}, by bisection {slow:?}"),
+            Ok(q) => assert!(
+                grazes || close(&q, &slow, 1e-9),
+                "T13: {q:?}, by bisection {slow:?}"
+            ),
             Err(error) => assert!(grazes, "T13: within reach at {slow:?}: {error:?}"),
         }
     }
 
     /// The position of one arm, and by how much of its length it reaches further than it must.
     fn bisect(&self, arm: usize, tool: Vector) -> (f64, f64) {
-        let (origin, guideway, reach) = (self.origins[arm], self.guideways[arm], self.lengths[arm]);
+        let origin = self.origins[arm];
+        let guideway = self.guideways[arm];
+        let reach = self.lengths[arm];
         let foot = guideway.dot(&(tool - origin)) / guideway.norm_squared();
-        let distance = |q: f64| (origin + guideway * q - tool).norm();
         let outwards = self.sides[arm].signum() / guideway.norm();
-        let along = bisected((0.0, 2.0 * reach), 200, |along| distance(foot + outwards * along) < reach);
-        (foot + outwards * along, 1.0 - distance(foot) / reach)
+        let along = bisected((0.0, 2.0 * reach), 200, |along| {
+            self.distance(arm, foot + outwards * along, tool) < reach
+        });
+        let spare = 1.0 - self.distance(arm, foot, tool) / reach;
+        (foot + outwards * along, spare)
+    }
+
+    /// Distance of the tool from where the link of an arm begins at `q`, metres.
+    fn distance(&self, arm: usize, q: f64, tool: Vector) -> f64 {
+        (self.origins[arm] + self.guideways[arm] * q - tool).norm()
     }
 
     /// Every regular place of the tool is found that there is, and no other.
     fn forward_is_on_the_circle(&self, nominal: &l2::Kinematics, q: [f64; 3]) {
         let places = self.walk_round(q);
-        let regular = places.iter().find(|place| self.regularity(**place, q) > REGULAR);
+        let regular = places
+            .iter()
+            .find(|place| self.regularity(**place, q) > REGULAR);
         match (nominal.forward(&q), regular) {
             (Ok(tool), Some(place)) => {
-                assert!(close(&tool, place, 1e-6), "T13: {tool:?}, on the circle {place:?}");
+                assert!(
+                    close(&tool, place, 1e-6),
+                    "T13: {tool:?}, on the circle {place:?}"
+                );
             }
             (Err(error), Some(place)) => panic!("T13: on the circle is {place:?}: {error:?}"),
             (Ok(tool), None) => {
@@ -179,7 +219,8 @@ impl Made {
         }
     }
 
-    /// Possible meeting points of the links: points of the circle about the first two carts that are as far from the third as its link is long.
+    /// Possible meeting points of the links: points of the circle about the first two carts that
+    /// are as far from the third as its link is long.
     fn walk_round(&self, q: [f64; 3]) -> Vec<Vector> {
         let [one, two, three] = self.carts(q);
         let [l1, l2, l3] = self.lengths;
@@ -190,15 +231,51 @@ impl Made {
         if radius.is_nan() || apart < 1e-3 {
             return Vec::new();
         }
-        // Half a turn from the point nearest to the third cart is the farthest, and between them the distance changes one way.
+        // Half a turn from the point nearest to the third cart is the farthest, and between them
+        // the distance changes one way.
         let towards = three - one - axis * axis.dot(&(three - one));
         let across = towards * (radius / towards.norm());
-        let point = |angle: f64| one + axis * along + turned(across, axis, angle);
-        let too_near = |angle: f64| (point(angle) - three).norm() - l3 < 0.0;
+        let circle = Circle {
+            centre: one + axis * along,
+            axis,
+            across,
+        };
         let half = std::f64::consts::PI;
-        let changes =
-            [(0.0, half), (half, 2.0 * half)].into_iter().filter(|(low, high)| too_near(*low) != too_near(*high));
-        changes.map(|(low, high)| point(bisected((low, high), 60, |at| too_near(at) == too_near(low)))).collect()
+        let changes = [(0.0, half), (half, 2.0 * half)]
+            .into_iter()
+            .filter(|(low, high)| {
+                circle.is_within(*low, three, l3) != circle.is_within(*high, three, l3)
+            });
+        changes
+            .map(|(low, high)| {
+                let is_low = circle.is_within(low, three, l3);
+                let angle = bisected((low, high), 60, |angle| {
+                    circle.is_within(angle, three, l3) == is_low
+                });
+                circle.point(angle)
+            })
+            .collect()
+    }
+}
+
+/// A circle in space, metres.
+struct Circle {
+    centre: Vector,
+    /// Unit vector along the axis of the circle.
+    axis: Vector,
+    /// From the centre to the point at angle 0.
+    across: Vector,
+}
+
+impl Circle {
+    /// Point at an angle, radians.
+    fn point(&self, angle: f64) -> Vector {
+        self.centre + turned(self.across, self.axis, angle)
+    }
+
+    /// True if the point at an angle (radians) is nearer to another one than `distance`, metres.
+    fn is_within(&self, angle: f64, other: Vector, distance: f64) -> bool {
+        (self.point(angle) - other).norm() - distance < 0.0
     }
 }
 

@@ -1,24 +1,36 @@
-//! The same scenario through an endpoint: actions arrive as bytes, cut in two, on connections that come and go. The recorded input
-//! of each tick, given to the reference model, must lead to the same output.
+//! The same scenario through an endpoint: actions arrive as bytes, cut in two, on connections that
+//! come and go. The recorded input of each tick, given to the reference model, must lead to the
+//! same output.
 
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
-use gantry_tau_core::control::session::{BlackBox, Connection, Event, NoRecorder, Session, TickInput};
+use gantry_tau_core::control::session::{
+    BlackBox, Connection, Event, NoRecorder, Session, TickInput,
+};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::EpochRange;
 
 use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, answer, event, play, start};
-use crate::endpoint::{EndpointOp, takes_anything};
+use crate::properties::endpoint::{EndpointOp, takes_anything};
+use crate::properties::wire::sealed;
 use crate::reference_model::ReferenceModel;
-use crate::wire::sealed;
 
 /// An endpoint with a pair of motors.
 type Tested = Endpoint<N, 3>;
 
 /// Plays by bytes. The first client is on a stream, the other sends datagrams.
 pub fn endpoint_is_right(scenario: &Scenario) {
-    let (Some((session, model)), Ok(motors)) = (start(scenario), MotorMap::new([0, 0, 1])) else { return };
+    let (Some((session, model)), Ok(motors)) = (start(scenario), MotorMap::new([0, 0, 1])) else {
+        return;
+    };
     let endpoint = Tested::new(session, motors, EpochRange::VOLATILE);
-    play(&mut EndpointUnderTest { endpoint, model, clients: [None; 2] }, &scenario.ops);
+    play(
+        &mut EndpointUnderTest {
+            endpoint,
+            model,
+            clients: [None; 2],
+        },
+        &scenario.ops,
+    );
 }
 
 struct EndpointUnderTest {
@@ -64,10 +76,16 @@ impl SystemUnderTest for EndpointUnderTest {
                 usize::from(owner.is_some() && owner == self.clients[1])
             }
         };
-        let Some(connection) = self.connection(client) else { return };
+        let Some(connection) = self.connection(client) else {
+            return;
+        };
         if *action == ClientAction::Closed {
             self.clients[client] = None;
-            takes_anything(&mut self.endpoint, &EndpointOp::Close(connection), &mut NoRecorder);
+            takes_anything(
+                &mut self.endpoint,
+                &EndpointOp::Close(connection),
+                &mut NoRecorder,
+            );
             return;
         }
         let bytes = self.bytes(action);
@@ -77,7 +95,11 @@ impl SystemUnderTest for EndpointUnderTest {
             _ => vec![bytes],
         };
         for part in parts {
-            takes_anything(&mut self.endpoint, &EndpointOp::Feed(connection, part), &mut NoRecorder);
+            takes_anything(
+                &mut self.endpoint,
+                &EndpointOp::Feed(connection, part),
+                &mut NoRecorder,
+            );
         }
     }
 
@@ -86,7 +108,9 @@ impl SystemUnderTest for EndpointUnderTest {
         // A fresh one for every tick: it shows what the endpoint made of the bytes.
         let mut black_box = BlackBox::<N, 1>::new();
         takes_anything(&mut self.endpoint, &EndpointOp::Tick(input), &mut black_box);
-        let Some(entry) = black_box.entries().last() else { panic!("a tick is recorded") };
+        let Some(entry) = black_box.entries().last() else {
+            panic!("a tick is recorded")
+        };
         self.model.tick(&entry.input, &entry.output);
         while let Some(gone) = self.endpoint.poll_close() {
             for client in &mut self.clients {

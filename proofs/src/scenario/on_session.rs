@@ -1,17 +1,21 @@
 //! A scenario on messages: every tick has every property, and is what the model says.
 
-use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, TickInput, replay};
+use gantry_tau_core::control::session::{
+    BlackBox, Connection, Events, Input, Session, TickInput, replay,
+};
 use gantry_tau_core::units::{EpochRange, Tick};
 use gantry_tau_core::verification::control::Internals as _;
 
 use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, event, play, start};
+use crate::properties::session::StepInput;
+use crate::properties::{blackbox, fsm, motors, session};
 use crate::reference_model::ReferenceModel;
-use crate::session::StepInput;
-use crate::{blackbox, fsm, motors, session};
 
 /// Plays, and checks every tick: T1 to T11, and every output against the model's.
 pub fn every_tick_is_right(scenario: &Scenario) {
-    let Some((session, model)) = start(scenario) else { return };
+    let Some((session, model)) = start(scenario) else {
+        return;
+    };
     let mut system = SessionUnderTest {
         session,
         model,
@@ -41,14 +45,16 @@ impl SessionUnderTest {
         let frozen = self.black_box.is_frozen();
         self.black_box.before_tick(&self.session);
         let output = self.session.tick(input);
-        self.black_box.after_tick(input, &output, output.ended.is_some());
+        self.black_box
+            .after_tick(input, &output, output.ended.is_some());
         self.model.tick(input, &output);
         assert!(self.session.is_valid(), "the session stays valid");
         motors::paired_motors_are_equal([0, 0, 1], &output.references);
         if !frozen {
             (self.recorded, self.latest) = (self.recorded + 1, output.state.tick);
         }
-        // Skipped cycles leave a gap in the ticks' numbers, and at the end of the numbers there is none left.
+        // Skipped cycles leave a gap in the ticks' numbers, and at the end of the numbers there is
+        // none left.
         let gap = input.tick.cycles() > 1 || output.state.tick == Tick(u64::MAX);
         if gap || (frozen && output.welcome.is_some()) {
             self.black_box_replays();
@@ -86,7 +92,11 @@ impl SystemUnderTest for SessionUnderTest {
     }
 
     fn tick(&mut self, tick: TickInput<N>, epochs: EpochRange) {
-        let input = Input { tick, epochs, events: std::mem::take(&mut self.events) };
+        let input = Input {
+            tick,
+            epochs,
+            events: std::mem::take(&mut self.events),
+        };
         session::settles_any_write(&self.session, &input.tick.last_write);
         let step = StepInput::after_events(&self.session, &input);
         session::step_is_right(&step);

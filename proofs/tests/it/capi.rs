@@ -1,14 +1,15 @@
 //! T26 on stable Rust: the C interface's pointers and fields.
 
 use gantry_tau_capi::server::{
-    GT_MAX_AXES, GT_MAX_MOTORS, gt_actual, gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config,
+    GT_MAX_AXES, GT_MAX_MOTORS, gt_actual, gt_axis_config, gt_in_force, gt_limits, gt_offsets,
+    gt_server_config,
 };
 use gantry_tau_capi::server::{gt_start, gt_tick_input};
 use gantry_tau_capi::verification::Room;
 use gantry_tau_core::EpochRange;
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::session::Input;
-use gantry_tau_proofs::capi;
+use gantry_tau_proofs::properties::capi;
 use proptest::array::{uniform6, uniform12};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -18,7 +19,10 @@ use crate::any;
 
 /// Places in a room and beyond it.
 fn place() -> impl Strategy<Value = Option<usize>> {
-    option::of(prop_oneof![(0..8_usize).prop_map(|words| words * 8), 0..60_usize])
+    option::of(prop_oneof![
+        (0..8_usize).prop_map(|words| words * 8),
+        0..60_usize
+    ])
 }
 
 prop_compose! {
@@ -62,7 +66,12 @@ prop_compose! {
 }
 
 fn any_limits() -> impl Strategy<Value = gt_limits> {
-    let any = any::<[i32; 4]>().prop_map(|[max, step, accel, ramp]| gt_limits { max, step, accel, ramp });
+    let any = any::<[i32; 4]>().prop_map(|[max, step, accel, ramp]| gt_limits {
+        max,
+        step,
+        accel,
+        ramp,
+    });
     prop_oneof![4 => accepted_limits(), 1 => any]
 }
 
@@ -80,26 +89,40 @@ prop_compose! {
 
 fn limits<U>(limits: &Limits<U>) -> gt_limits {
     let values = limits.values();
-    gt_limits { max: values.max, step: values.step, accel: values.accel, ramp: values.ramp }
+    gt_limits {
+        max: values.max,
+        step: values.step,
+        accel: values.accel,
+        ramp: values.ramp,
+    }
 }
 
 /// A configuration of C with the axes of one of core, and any numbers.
 fn configuration<const N: usize>() -> impl Strategy<Value = gt_server_config> {
-    let small = (any::<u8>(), prop_oneof![Just(0), 1..=128_u8, any::<u8>()], any::<u8>());
+    let small = (
+        any::<u8>(),
+        prop_oneof![Just(0), 1..=128_u8, any::<u8>()],
+        any::<u8>(),
+    );
     let map = prop_oneof![8 => uniform12(0..3_u8), 1 => uniform12(0..7_u8)];
     let rest = (any::<[u32; 3]>(), any::<u16>(), small, 0..14_u32, map);
     (any::config::<N>(), rest).prop_map(
         |(config, ([cycle_us, handshake_ticks, checksum], capabilities, small, motors, map))| {
-            let mut axis = config.parameters().axes.iter().cycle().map(|axis| gt_axis_config {
-                position: limits(&axis.limits.position),
-                velocity: limits(&axis.limits.velocity),
-                torque: limits(&axis.limits.torque),
-                nominal_lower_nm: axis.nominal_travel.lower.0,
-                nominal_upper_nm: axis.nominal_travel.upper.0,
-                machine_lower_nm: axis.machine_travel.lower.0,
-                machine_upper_nm: axis.machine_travel.upper.0,
-                nominal_step_nm: axis.nominal_step_nm,
-            });
+            let mut axis = config
+                .parameters()
+                .axes
+                .iter()
+                .cycle()
+                .map(|axis| gt_axis_config {
+                    position: limits(&axis.limits.position),
+                    velocity: limits(&axis.limits.velocity),
+                    torque: limits(&axis.limits.torque),
+                    nominal_lower_nm: axis.nominal_travel.lower.0,
+                    nominal_upper_nm: axis.nominal_travel.upper.0,
+                    machine_lower_nm: axis.machine_travel.lower.0,
+                    machine_upper_nm: axis.machine_travel.upper.0,
+                    nominal_step_nm: axis.nominal_step_nm,
+                });
             let (echo_window, budget_window, budget_allowed) = small;
             gt_server_config {
                 axes: 0,
@@ -195,7 +218,14 @@ proptest! {
 #[test]
 fn some_configurations_are_accepted() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
-    let all = (0..200).map(|_| configuration::<3>().new_tree(&mut runner).unwrap().current());
-    let accepted = all.filter(|config| gantry_tau_capi::verification::configure::<3>(config).is_ok()).count();
+    let all = (0..200).map(|_| {
+        configuration::<3>()
+            .new_tree(&mut runner)
+            .unwrap()
+            .current()
+    });
+    let accepted = all
+        .filter(|config| gantry_tau_capi::verification::configure::<3>(config).is_ok())
+        .count();
     assert!(accepted > 20, "{accepted} of 200");
 }

@@ -1,17 +1,21 @@
 //! T24 on stable Rust: single steps over their whole domain, and sequences.
 
 use gantry_tau_core::control::client::{Ignored, Requirements};
-use gantry_tau_core::control::message::{AxisState, Capabilities, Counters, ServerMessage, Welcome};
+use gantry_tau_core::control::message::{
+    AxisState, Capabilities, Counters, ServerMessage, Welcome,
+};
 use gantry_tau_core::control::session::{Input, Reading};
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
 use gantry_tau_core::verification::control::{
     Accepted, Diagnostics, Dialogue, Granted, Internals, Last, Motion, Stage, Trace,
 };
 use gantry_tau_core::{
-    AxisLimits, Cause, Config, Connection, EpochRange, Limits, Mode, Offsets, Parameters, Phase, Reference, Refusal,
-    Session, Start, State, TickInput, Transport, Travel,
+    AxisLimits, Cause, Config, Connection, EpochRange, Limits, Mode, Offsets, Parameters, Phase,
+    Reference, Refusal, Session, Start, State, TickInput, Transport, Travel,
 };
-use gantry_tau_proofs::{client, monitor};
+use gantry_tau_proofs::properties::{client, monitor};
 use proptest::array::{uniform2, uniform3};
 use proptest::collection::vec;
 use proptest::option;
@@ -88,24 +92,30 @@ fn ramped(value: i32, ramp: u32) -> i32 {
     value.saturating_sub(value.signum().saturating_mul(ramp))
 }
 
+/// Value after a step: of a ramp, for kind 1, or a hold; and off by some.
+fn next(kind: u8, value: i32, ramp: u32, off: i32) -> i32 {
+    let value = if kind == 1 {
+        ramped(value, ramp)
+    } else {
+        value
+    };
+    value.saturating_add(off)
+}
+
 prop_compose! {
     /// Limits and two States, the second often one step of ramp or hold after the first, or almost.
     fn two_states()(
         limits in uniform2(axis_limits(i32::MAX)), first in state(), mut second in state(), kind in 0..3_u8,
         off in uniform2(uniform3(prop_oneof![12 => Just(0), 1 => -1..=1_i32])),
     ) -> ([AxisLimits; N], State<N>, State<N>) {
-        let next = |value: i32, ramp: u32, off: i32| {
-            let value = if kind == 1 { ramped(value, ramp) } else { value };
-            value.saturating_add(off)
-        };
         for index in 0..N {
             let (limits, old) = (&limits[index], first.axes[index].offsets);
             let [position, velocity, torque] = off[index];
             if kind > 0 {
-                let torque = next(old.torque.0.into(), limits.torque.ramp(), torque);
+                let torque = next(kind, old.torque.0.into(), limits.torque.ramp(), torque);
                 second.axes[index].offsets = Offsets {
-                    position: OffsetNm(next(old.position.0, limits.position.ramp(), position)),
-                    velocity: VelocityUmS(next(old.velocity.0, limits.velocity.ramp(), velocity)),
+                    position: OffsetNm(next(kind, old.position.0, limits.position.ramp(), position)),
+                    velocity: VelocityUmS(next(kind, old.velocity.0, limits.velocity.ramp(), velocity)),
                     torque: TorquePermille(torque.try_into().unwrap_or(i16::MAX)),
                 };
             }
@@ -163,7 +173,12 @@ fn dialogue() -> impl Strategy<Value = Dialogue<N>> {
     ];
     let ignored = Ignored::default();
     (transport(), requirements(), stage)
-        .prop_map(move |(transport, requirements, stage)| Dialogue { transport, requirements, stage, ignored })
+        .prop_map(move |(transport, requirements, stage)| Dialogue {
+            transport,
+            requirements,
+            stage,
+            ignored,
+        })
         .prop_filter("a valid dialogue", Dialogue::is_valid)
 }
 
@@ -176,7 +191,11 @@ fn references() -> impl Strategy<Value = ([PositionNm; N], [Reference; N])> {
     let ends = prop_oneof![6 => Just(50), 1 => 40..60_i64];
     let axis = (-60..60_i64, near, ends).prop_map(|(nominal, offsets, end)| {
         let reference = Reference {
-            position: PositionNm(nominal.saturating_add(offsets.position.0.into()).clamp(-end, end)),
+            position: PositionNm(
+                nominal
+                    .saturating_add(offsets.position.0.into())
+                    .clamp(-end, end),
+            ),
             velocity_offset: offsets.velocity,
             torque_offset: offsets.torque,
         };
@@ -187,7 +206,8 @@ fn references() -> impl Strategy<Value = ([PositionNm; N], [Reference; N])> {
 
 /// A configuration whose ramps take some ticks.
 fn config() -> impl Strategy<Value = Config<N>> {
-    let axis = (axis_limits(1_000), 0..500_u32).prop_map(|(limits, reach)| any::axis_of(limits, reach, 2_000));
+    let axis = (axis_limits(1_000), 0..500_u32)
+        .prop_map(|(limits, reach)| any::axis_of(limits, reach, 2_000));
     uniform2(axis).prop_map(|axes| Config::new(Parameters::thesis(axes)).unwrap())
 }
 

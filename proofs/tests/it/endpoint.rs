@@ -1,4 +1,5 @@
-//! An endpoint on stable Rust: connections that come and go, frames, noise, bursts and cuts, in any order.
+//! An endpoint on stable Rust: connections that come and go, frames, noise, bursts and cuts, in any
+//! order.
 
 use crate::any;
 
@@ -9,7 +10,7 @@ use gantry_tau_core::control::session::{Connection, Event, Input, NoRecorder, Se
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence};
 use gantry_tau_core::verification::control::{Internals, Slot};
-use gantry_tau_proofs::endpoint::{EndpointOp, events_are_counted, takes_anything};
+use gantry_tau_proofs::properties::endpoint::{EndpointOp, events_are_counted, takes_anything};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -28,12 +29,21 @@ fn on_time() -> EndpointOp<2> {
 }
 
 fn frames(messages: &[ClientMessage<2>]) -> Vec<u8> {
-    messages.iter().flat_map(|one| encode_client(one).to_vec()).collect()
+    messages
+        .iter()
+        .flat_map(|one| encode_client(one).to_vec())
+        .collect()
+}
+
+fn connection() -> impl Strategy<Value = Connection> {
+    (0..8_u64).prop_map(Connection)
 }
 
 fn moves() -> impl Strategy<Value = Vec<Move>> {
-    let connection = || (0..8_u64).prop_map(Connection);
-    let hello = frames(&[ClientMessage::Hello(Hello { axes: 2, capabilities: Default::default() })]);
+    let hello = frames(&[ClientMessage::Hello(Hello {
+        axes: 2,
+        capabilities: Default::default(),
+    })]);
     let message = any::event().prop_filter_map("a message", |event| match event {
         Event::Message(message) => Some(message),
         _ => None,
@@ -66,13 +76,21 @@ fn ops(endpoint: &Tested, one: &Move) -> Vec<EndpointOp<2>> {
         epoch: discrete.epoch,
         sequence: Sequence(discrete.accepted.0.saturating_add(1)),
         echo: discrete.tick,
-        mode: if discrete.phase == Phase::Handshake { Mode::Submit } else { mode },
+        mode: if discrete.phase == Phase::Handshake {
+            Mode::Submit
+        } else {
+            mode
+        },
         targets: [offsets; 2],
     });
     let bytes = frames(&vec![command; times]);
     let (one, other) = bytes.split_at(cut.min(bytes.len()));
-    let fed = |bytes: &[u8]| EndpointOp::Feed(discrete.owner.unwrap_or(Connection(0)), bytes.to_vec());
-    vec![fed(one), fed(other), on_time()]
+    let owner = discrete.owner.unwrap_or(Connection(0));
+    vec![
+        EndpointOp::Feed(owner, one.to_vec()),
+        EndpointOp::Feed(owner, other.to_vec()),
+        on_time(),
+    ]
 }
 
 proptest! {
@@ -109,7 +127,7 @@ proptest! {
             };
             if slot.is_read() {
                 events_are_counted(&slot, &bytes);
-                let _ = slot.take::<2>(&bytes, true);
+                let _ = slot.decode::<2>(&bytes, true);
             }
         }
     }

@@ -1,4 +1,5 @@
-//! The properties of the floats on stable Rust: any bit patterns, and the stated grids where a number is what matters.
+//! The properties of the floats on stable Rust: any bit patterns, and the stated grids where a
+//! number is what matters.
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
@@ -9,20 +10,20 @@ use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState, Too
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
-use gantry_tau_proofs::compensation::{
-    correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite, sensor_stays_valid,
-    sensor_takes_good_readings,
+use gantry_tau_proofs::properties::compensation::{
+    correction_is_bounded, cycle_is_bounded, offset_is_within, sensor_check_admits_finite,
+    sensor_stays_valid, sensor_takes_good_readings,
 };
-use gantry_tau_proofs::crossing::{
-    back_is_finite, crossing_is_exact, offset_is_total, offset_survives, position_is_total, rounding_is_exact,
-    rounding_keeps_order,
+use gantry_tau_proofs::properties::crossing::{
+    back_is_finite, crossing_is_exact, offset_is_total, offset_survives, position_is_total,
+    rounding_is_exact, rounding_keeps_order,
 };
-use gantry_tau_proofs::kinematics::{
-    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside, lengths_are_kept,
-    statics_are_finite, there_and_back, travel_is_finite,
+use gantry_tau_proofs::properties::kinematics::{
+    check_is_right, forward_is_inside, inverse_in_assembly_is_inside, inverse_is_inside,
+    lengths_are_kept, statics_are_finite, there_and_back, travel_is_finite,
 };
+use gantry_tau_proofs::properties::six_link;
 use gantry_tau_proofs::robots;
-use gantry_tau_proofs::six_link;
 use proptest::array::{uniform3, uniform6, uniform9};
 use proptest::prelude::*;
 
@@ -60,47 +61,88 @@ fn l2() -> (l2::Robot, l2::Kinematics) {
     robots::l2(robots::l2_geometry()).unwrap()
 }
 
-/// Machines of which only the lengths are sane: guideways in any direction, carts that may meet, travel unchecked.
-fn any_machine() -> impl Strategy<Value = (l2::Robot, l2::Kinematics)> {
-    let point = || uniform3(-1.0..1.0_f64);
-    let branch = || prop_oneof![Just(Branch::Positive), Just(Branch::Negative)];
-    let origins = (point(), point(), point(), 0..4_u8);
-    let lengths = (uniform3(0.5..1.5_f64), prop_oneof![Just(1.0), Just(1e-3)]);
-    (origins, uniform3(point()), lengths, uniform3(branch()), branch()).prop_filter_map(
-        "a guideway without direction",
-        |((o1, o2, o3, shared), guideways, (lengths, scale), inverse, forward)| {
-            let o3 = if shared > 0 { o2 } else { o3 };
-            let o1 = if shared > 1 { o2 } else { o1 };
-            let mut machine = l2::Geometry {
-                cart_joints_m: [o1, o2, o2, o3, o3, o3].map(Into::into),
-                guideways: guideways.map(Into::into),
-                platform_joints_m: [[0.0; 3]; 6].map(Into::into),
-                lengths_m: lengths.map(|length| length * scale),
-                travel: None,
-                ..robots::l2_geometry()
-            };
-            machine.configuration.inverse = inverse;
-            machine.configuration.forward = forward;
-            robots::l2(machine)
-        },
-    )
+fn point() -> impl Strategy<Value = [f64; 3]> {
+    uniform3(-1.0..1.0_f64)
 }
 
-/// Positions from 10 nm to a kilometre: one far, two that may nearly meet, as near a singularity as there is.
+fn branch() -> impl Strategy<Value = Branch> {
+    prop_oneof![Just(Branch::Positive), Just(Branch::Negative)]
+}
+
+/// Machines of which only the lengths are sane: guideways in any direction, carts that may meet,
+/// travel unchecked.
+fn any_machine() -> impl Strategy<Value = (l2::Robot, l2::Kinematics)> {
+    let origins = (point(), point(), point(), 0..4_u8);
+    let lengths = (uniform3(0.5..1.5_f64), prop_oneof![Just(1.0), Just(1e-3)]);
+    (
+        origins,
+        uniform3(point()),
+        lengths,
+        uniform3(branch()),
+        branch(),
+    )
+        .prop_filter_map(
+            "a guideway without direction",
+            |((o1, o2, o3, shared), guideways, (lengths, scale), inverse, forward)| {
+                let o3 = if shared > 0 { o2 } else { o3 };
+                let o1 = if shared > 1 { o2 } else { o1 };
+                let mut machine = l2::Geometry {
+                    cart_joints_m: [o1, o2, o2, o3, o3, o3].map(Into::into),
+                    guideways: guideways.map(Into::into),
+                    platform_joints_m: [[0.0; 3]; 6].map(Into::into),
+                    lengths_m: lengths.map(|length| length * scale),
+                    travel: None,
+                    ..robots::l2_geometry()
+                };
+                machine.configuration.inverse = inverse;
+                machine.configuration.forward = forward;
+                robots::l2(machine)
+            },
+        )
+}
+
+/// Numbers of either sign, their powers of ten in a range.
+fn any_scale(powers: std::ops::Range<f64>) -> impl Strategy<Value = f64> {
+    (-1.0..1.0_f64, powers).prop_map(|(x, power)| x * 10.0_f64.powf(power))
+}
+
+/// Positions from 10 nm to a kilometre: one far, two that may nearly meet, as near a singularity as
+/// there is.
 fn wild_positions() -> impl Strategy<Value = [f64; 3]> {
-    let any_scale = |scales| (-1.0..1.0_f64, scales).prop_map(|(x, s): (f64, f64)| x * 10.0_f64.powf(s));
-    (any_scale(-1.0..3.0), any_scale(-8.0..1.0), any_scale(-8.0..1.0)).prop_map(|(a, b, c)| [a, b, c])
+    (
+        any_scale(-1.0..3.0),
+        any_scale(-8.0..1.0),
+        any_scale(-8.0..1.0),
+    )
+        .prop_map(|(a, b, c)| [a, b, c])
+}
+
+fn six_numbers() -> impl Strategy<Value = [f64; 6]> {
+    uniform6(prop_oneof![
+        -1e6..1e6_f64,
+        -10.0..10.0_f64,
+        Just(1e6),
+        Just(-1e6)
+    ])
 }
 
 /// A sensor in any valid state, its mounting turned.
 fn any_sensor() -> impl Strategy<Value = ForceSensor> {
-    let numbers = || uniform6(prop_oneof![-1e6..1e6_f64, -10.0..10.0_f64, Just(1e6), Just(-1e6)]);
-    (1..1_000_u32, any::<u32>(), numbers(), numbers(), -3.0..5.0_f64).prop_map(
-        |(tare_samples, to_go, tare, filtered, cutoff)| {
+    (
+        1..1_000_u32,
+        any::<u32>(),
+        six_numbers(),
+        six_numbers(),
+        -3.0..5.0_f64,
+    )
+        .prop_map(|(tare_samples, to_go, tare, filtered, cutoff)| {
             let config = SensorConfig {
                 rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
                 lever_m: [0.02, 10.0, -0.08].into(),
-                tool: Tool { weight_n: [-1e5, 20.0, 1e5].into(), centre_m: [10.0, -0.2, 0.0].into() },
+                tool: Tool {
+                    weight_n: [-1e5, 20.0, 1e5].into(),
+                    centre_m: [10.0, -0.2, 0.0].into(),
+                },
                 cutoff_hz: 10.0_f64.powf(cutoff),
                 cycle_s: 1e-3,
                 tare_samples,
@@ -113,8 +155,7 @@ fn any_sensor() -> impl Strategy<Value = ForceSensor> {
                 filtered: Wrench::from_array(filtered),
             };
             ForceSensor::from_parts(config, state).unwrap()
-        },
-    )
+        })
 }
 
 proptest! {
@@ -225,7 +266,8 @@ proptest! {
     }
 }
 
-/// Rounding made of a far cart and two that nearly met a point three million kilometres from the machine.
+/// Rounding made of a far cart and two that nearly met a point three million kilometres from the
+/// machine.
 #[test]
 fn near_a_singularity_rounding_is_no_answer() {
     use proptest::strategy::ValueTree;
@@ -238,12 +280,19 @@ fn near_a_singularity_rounding_is_no_answer() {
     }
 }
 
-/// The grid of T13: 1 cm over the box that holds every pose within the travel, 6.1 million points, of which 663 777 are reached.
+/// Coordinates in metres, from centimetres.
+fn steps(from_cm: i32, to_cm: i32, by_cm: usize) -> impl Iterator<Item = f64> {
+    (from_cm..=to_cm)
+        .step_by(by_cm)
+        .map(|cm| f64::from(cm) / 100.0)
+}
+
+/// The grid of T13: 1 cm over the box that holds every pose within the travel, 6.1 million points,
+/// of which 663 777 are reached.
 #[test]
 fn lengths_are_kept_over_the_workspace() {
     let (robot, nominal) = l2();
     let mut reached = 0_u32;
-    let steps = |from: i32, to: i32, by: usize| (from..=to).step_by(by).map(|i| f64::from(i) / 100.0);
     for x in steps(-150, 150, 3) {
         for y in steps(-140, 110, 1) {
             for z in steps(-40, 200, 1) {
@@ -266,7 +315,10 @@ fn offsets_survive_the_round_trip() {
     for nm in (i32::MIN..=i32::MAX).step_by(101) {
         offset_survives(OffsetNm(nm));
     }
-    for nm in (-near..=near).chain(i32::MIN..=i32::MIN + near).chain(i32::MAX - near..=i32::MAX) {
+    for nm in (-near..=near)
+        .chain(i32::MIN..=i32::MIN + near)
+        .chain(i32::MAX - near..=i32::MAX)
+    {
         offset_survives(OffsetNm(nm));
     }
 }

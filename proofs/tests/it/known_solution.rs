@@ -1,4 +1,5 @@
-//! Machines made around a pose, on stable Rust: core finds what they were made of, and what slow solvers find.
+//! Machines made around a pose, on stable Rust: core finds what they were made of, and what slow
+//! solvers find.
 
 use gantry_tau_proofs::known_solution::{Six, Three, six_is_solved, three_is_solved};
 use proptest::prelude::*;

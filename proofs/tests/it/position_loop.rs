@@ -1,16 +1,20 @@
-//! T17 to T20 on stable Rust: single ticks of any loop, and sequences of a loop in front of a drive that moves by its velocity.
+//! T17 to T20 on stable Rust: single ticks of any loop, and sequences of a loop in front of a drive
+//! that moves by its velocity.
 
 use std::collections::VecDeque;
 
 use gantry_tau_core::Reference;
 use gantry_tau_core::control::channel::{Channel, Limits};
 use gantry_tau_core::control::position_loop::config::{
-    LoopConfig, LoopValues, MAX_GAIN, MAX_GAIN_TIMES_LAG, MAX_LAG, MAX_TORQUE_WEIGHT, MAX_WEIGHT, MAX_WINDOW_NM,
+    LoopConfig, LoopValues, MAX_GAIN, MAX_GAIN_TIMES_LAG, MAX_LAG, MAX_TORQUE_WEIGHT, MAX_WEIGHT,
+    MAX_WINDOW_NM,
 };
-use gantry_tau_core::control::position_loop::{LoopInput, LoopParts, LoopStop, Permit, PositionLoop};
+use gantry_tau_core::control::position_loop::{
+    Enable, LoopInput, LoopParts, LoopStop, PositionLoop,
+};
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::position_loop::product;
-use gantry_tau_proofs::position_loop::{self as loops, Before, MAX_WEIGHTED};
+use gantry_tau_proofs::properties::position_loop::{self as loops, Before, MAX_WEIGHTED};
 use proptest::array::{uniform, uniform11};
 use proptest::collection::vec;
 use proptest::option;
@@ -53,11 +57,12 @@ prop_compose! {
 
 /// Positions near each other, as far apart as positions can be, and at the ends.
 fn position() -> impl Strategy<Value = PositionNm> {
-    prop_oneof![6 => -20_000..20_000_i64, 1 => any::<i64>(), 1 => select(vec![i64::MIN, i64::MAX])].prop_map(PositionNm)
+    prop_oneof![6 => -20_000..20_000_i64, 1 => any::<i64>(), 1 => select(vec![i64::MIN, i64::MAX])]
+        .prop_map(PositionNm)
 }
 
-fn permit() -> impl Strategy<Value = Permit> {
-    prop_oneof![1 => Just(Permit::Stop), 2 => Just(Permit::Rearm), 4 => Just(Permit::Run)]
+fn permit() -> impl Strategy<Value = Enable> {
+    prop_oneof![1 => Just(Enable::Stop), 2 => Just(Enable::Rearm), 4 => Just(Enable::Run)]
 }
 
 prop_compose! {
@@ -94,12 +99,29 @@ fn loop_of(config: LoopConfig) -> BoxedStrategy<PositionLoop> {
     let outside = prop_oneof![0..values.window_ticks, Just(values.window_ticks - 1)];
     let limited = prop_oneof![3 => 0..values.window_ticks, 1 => Just(values.window_ticks)];
     let counts = (outside, limited);
-    let parts = (uniform11(position()), -most..=most, velocity, any::channel(values.torque), counts, stop());
+    let parts = (
+        uniform11(position()),
+        -most..=most,
+        velocity,
+        any::channel(values.torque),
+        counts,
+        stop(),
+    );
     parts
-        .prop_map(move |(history, integral, velocity, torque, (outside, limited), stop)| {
-            let parts = LoopParts { history, integral, velocity, torque, outside, limited, stop };
-            PositionLoop::from_parts(parts, &config).unwrap()
-        })
+        .prop_map(
+            move |(history, integral, velocity, torque, (outside, limited), stop)| {
+                let parts = LoopParts {
+                    history,
+                    integral,
+                    velocity,
+                    torque,
+                    outside,
+                    limited,
+                    stop,
+                };
+                PositionLoop::from_parts(parts, &config).unwrap()
+            },
+        )
         .boxed()
 }
 
@@ -108,7 +130,14 @@ fn loops_of(config: [LoopConfig; N]) -> BoxedStrategy<[PositionLoop; N]> {
     (config.map(loop_of), stop())
         .prop_map(move |(axes, stop)| {
             std::array::from_fn(|axis| {
-                PositionLoop::from_parts(LoopParts { stop, ..*axes[axis].parts() }, &config[axis]).unwrap()
+                PositionLoop::from_parts(
+                    LoopParts {
+                        stop,
+                        ..*axes[axis].parts()
+                    },
+                    &config[axis],
+                )
+                .unwrap()
             })
         })
         .boxed()
@@ -121,11 +150,19 @@ fn configs() -> BoxedStrategy<[LoopConfig; N]> {
 
 /// Inputs of all axes: any, or those of a machine that follows closely under one permit.
 fn inputs() -> BoxedStrategy<[LoopInput; N]> {
-    let close =
-        (uniform::<_, N>(reference().boxed()), permit(), -100..100_i64).prop_map(|(references, permit, off)| {
+    let close = (
+        uniform::<_, N>(reference().boxed()),
+        permit(),
+        -100..100_i64,
+    )
+        .prop_map(|(references, permit, off)| {
             references.map(|reference| {
                 let actual = Some(PositionNm(reference.position.0.saturating_add(off)));
-                LoopInput { reference, actual, permit }
+                LoopInput {
+                    reference,
+                    actual,
+                    permit,
+                }
             })
         });
     prop_oneof![1 => uniform::<_, N>(input().boxed()), 1 => close.boxed()].boxed()
@@ -196,13 +233,13 @@ struct Event {
     /// Disturbance of the drive's velocity, µm/s.
     pushed: i64,
     is_measured: bool,
-    permit: Permit,
+    permit: Enable,
 }
 
 prop_compose! {
     fn event()(
         moved in prop_oneof![8 => -3_000..3_000_i64, 1 => -1_000_000..1_000_000_i64], pushed in -2_000..2_000_i64,
-        is_measured in prop::bool::weighted(0.98), permit in prop_oneof![1 => Just(Permit::Stop), 9 => Just(Permit::Rearm), 30 => Just(Permit::Run)],
+        is_measured in prop::bool::weighted(0.98), permit in prop_oneof![1 => Just(Enable::Stop), 9 => Just(Enable::Rearm), 30 => Just(Enable::Run)],
     ) -> Event {
         Event { moved, pushed, is_measured, permit }
     }
@@ -211,7 +248,8 @@ prop_compose! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// From rest, in front of a drive with latency: every tick of every ride, and not one of them is out of what one step says.
+    /// From rest, in front of a drive with latency: every tick of every ride, and not one of them
+    /// is out of what one step says.
     #[test]
     fn a_ride(config in config(), latency in 0..=usize::from(MAX_LAG), events in vec(event(), 1..200)) {
         let mut axis = PositionLoop::at_rest(PositionNm(0));

@@ -1,7 +1,9 @@
-//! Sequences with two hostile clients on stable Rust: every tick is right, and is what the model says.
+//! Sequences with two hostile clients on stable Rust: every tick is right, and is what the model
+//! says.
 
 use gantry_tau_proofs::scenario::{
-    Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares, endpoint_is_right, every_tick_is_right,
+    Circumstances, ClientAction, Machine, Op, Peer, Rates, Scenario, Shares, endpoint_is_right,
+    every_tick_is_right,
 };
 use proptest::array::{uniform2, uniform3};
 use proptest::collection::vec;
@@ -38,12 +40,22 @@ fn off() -> impl Strategy<Value = i8> {
 }
 
 fn action() -> impl Strategy<Value = ClientAction> {
-    let hello = (prop_oneof![9 => Just(0), 1 => any::<u8>()], prop_oneof![4 => Just(1), 1 => any::<u16>()])
+    let hello = (
+        prop_oneof![9 => Just(0), 1 => any::<u8>()],
+        prop_oneof![4 => Just(1), 1 => any::<u16>()],
+    )
         .prop_map(|(axes, capabilities)| ClientAction::Hello { axes, capabilities });
-    let ahead = prop_oneof![6 => 1..4_i32, 2 => -2..2_i32, 1 => 65_534..65_540_i32, 1 => any::<i32>()];
-    let command = (off(), ahead, off(), any::<bool>(), shares()).prop_map(|(epoch, ahead, behind, obtain, targets)| {
-        ClientAction::Command { epoch, ahead, behind, obtain, targets }
-    });
+    let ahead =
+        prop_oneof![6 => 1..4_i32, 2 => -2..2_i32, 1 => 65_534..65_540_i32, 1 => any::<i32>()];
+    let command = (off(), ahead, off(), any::<bool>(), shares()).prop_map(
+        |(epoch, ahead, behind, obtain, targets)| ClientAction::Command {
+            epoch,
+            ahead,
+            behind,
+            obtain,
+            targets,
+        },
+    );
     prop_oneof![
         8 => hello,
         12 => command,
@@ -70,7 +82,11 @@ prop_compose! {
 fn one_move() -> impl Strategy<Value = Op> {
     let peer = prop_oneof![6 => Just(Peer::Owner), 1 => Just(Peer::One), 1 => Just(Peer::Other)];
     let answer =
-        (any::<bool>(), shares(), 1..20_u8).prop_map(|(obtain, targets, times)| Op::Answer { obtain, targets, times });
+        (any::<bool>(), shares(), 1..20_u8).prop_map(|(obtain, targets, times)| Op::Answer {
+            obtain,
+            targets,
+            times,
+        });
     prop_oneof![
         8 => answer,
         2 => prop_oneof![4 => Just(1_u8), 1 => 0..50_u8].prop_map(Op::Silence),

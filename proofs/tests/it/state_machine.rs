@@ -1,4 +1,5 @@
-//! T3 to T7, T9 to T11 on stable Rust: one step from any state. (Sequences from the beginning: `scenario.rs`.)
+//! T3 to T7, T9 to T11 on stable Rust: one step from any state. (Sequences from the beginning:
+//! `scenario.rs`.)
 
 use crate::any;
 
@@ -6,10 +7,10 @@ use gantry_tau_core::control::message::{ClientMessage, Command};
 use gantry_tau_core::control::session::{EVENTS, Event, Events, Input, Start};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
 use gantry_tau_core::verification::control::{Accepted, Axis, Diagnostics, FsmInput, Internals};
-use gantry_tau_proofs::axis::Kind;
-use gantry_tau_proofs::drive::{self, Before};
-use gantry_tau_proofs::session::StepInput;
-use gantry_tau_proofs::{axis, blackbox, channel, fsm, ingress, motors, session};
+use gantry_tau_proofs::properties::axis::Kind;
+use gantry_tau_proofs::properties::drive::{self, Before};
+use gantry_tau_proofs::properties::session::StepInput;
+use gantry_tau_proofs::properties::{axis, blackbox, channel, fsm, ingress, motors, session};
 use proptest::prelude::*;
 
 proptest! {
@@ -169,10 +170,10 @@ proptest! {
         events in [proptest::collection::vec((any::connection(), any::event()), 0..=EVENTS),
             proptest::collection::vec((any::connection(), any::event()), 0..=EVENTS)],
     ) {
-        let input = |which: usize| {
+        let [place, given] = [0, 1].map(|which: usize| {
             let events = Events::from_slice(&events[which]).unwrap();
             Input::<3> { tick: ticks[which], epochs: epochs[which], events }
-        };
-        blackbox::input_is_copied(input(0), &input(1));
+        });
+        blackbox::input_is_copied(place, &given);
     }
 }

@@ -3,16 +3,19 @@
 use gantry_tau_core::control::axis::{Actual, Offsets};
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::message::{
-    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
-    Refusal, ServerMessage, State, Welcome,
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
+    Mode, Phase, Refusal, ServerMessage, State, Welcome,
 };
 use gantry_tau_core::control::wire::{
     Body, Collector, FrameError, Kind, MAX_FRAME, Stage, encode_client, encode_server,
 };
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
-use gantry_tau_proofs::wire::{
-    body_is_canonical, body_survives, chunk_is_collected, cut_frame_is_judged_alike, cutting_changes_nothing,
-    feed_is_judged, frame_is_parsed, frame_survives, message_is_canonical, sealed, sealed_frame_is_judged,
+use gantry_tau_core::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
+use gantry_tau_proofs::properties::wire::{
+    body_is_canonical, body_survives, chunk_is_collected, cut_frame_is_judged_alike,
+    cutting_changes_nothing, feed_is_judged, frame_is_parsed, frame_survives, message_is_canonical,
+    sealed, sealed_frame_is_judged,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -37,13 +40,16 @@ impl Draw {
         }
     }
     fn limits<U: std::fmt::Debug>(&mut self) -> Limits<U> {
-        let mut number = || self.0.random_range(0..1_i32 << 29);
-        let ramp = number() / 4 + 1;
-        let step = ramp + number() / 4;
-        checked(number(), step, step + ramp, ramp)
+        let [max, step, ramp] = std::array::from_fn(|_| self.0.random_range(0..1_i32 << 29));
+        let ramp = ramp / 4 + 1;
+        let step = ramp + step / 4;
+        checked(max, step, step + ramp, ramp)
     }
     fn hello(&mut self) -> Hello {
-        Hello { axes: self.0.random(), capabilities: Capabilities(self.0.random()) }
+        Hello {
+            axes: self.0.random(),
+            capabilities: Capabilities(self.0.random()),
+        }
     }
     fn command<const N: usize>(&mut self) -> Command<N> {
         Command {
@@ -86,12 +92,18 @@ impl Draw {
         }
     }
     fn axis(&mut self) -> AxisState {
-        let Offsets { velocity, torque, .. } = self.offsets();
+        let Offsets {
+            velocity, torque, ..
+        } = self.offsets();
         AxisState {
             nominal: PositionNm(self.0.random()),
             offsets: self.offsets(),
             shadow: self.offsets(),
-            actual: Actual { position: PositionNm(self.0.random()), velocity, torque },
+            actual: Actual {
+                position: PositionNm(self.0.random()),
+                velocity,
+                torque,
+            },
             flags: AxisFlags::from_bits(self.0.random::<u8>() & AxisFlags::ALL.bits()).unwrap(),
         }
     }
@@ -117,7 +129,9 @@ impl Draw {
             Refusal::Faulted { ticks_left },
             Refusal::Version { supported: byte },
             Refusal::Axes { expected: byte },
-            Refusal::Capability { needed: Capabilities(u16::from(byte)) },
+            Refusal::Capability {
+                needed: Capabilities(u16::from(byte)),
+            },
             Refusal::Unavailable,
         ])
     }
@@ -140,7 +154,8 @@ fn draw() -> impl Strategy<Value = Draw> {
     Just(()).prop_perturb(|(), rng| Draw(rng))
 }
 
-/// Every body survives, and is the only one of its bytes; so are the bytes with one of them damaged, if they are a body.
+/// Every body survives, and is the only one of its bytes; so are the bytes with one of them
+/// damaged, if they are a body.
 fn bodies_are_canonical<const N: usize>(draw: &mut Draw, at: usize, value: u8) {
     fn judge<B: Body + PartialEq>(kind: Kind, body: &B, at: usize, value: u8) {
         body_survives(body);

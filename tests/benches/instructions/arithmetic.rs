@@ -1,4 +1,5 @@
-//! Count of the instructions that are arithmetic on doubles: the lower bound of a call whose formulas are as short as written.
+//! Count of the instructions that are arithmetic on doubles: the lower bound of a call whose
+//! formulas are as short as written.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,11 +7,15 @@ use std::process::Command;
 
 use crate::calls;
 
-/// Prints, for every call that computes with doubles: instructions, how many of them add, subtract, multiply, divide or take a root, and how
-/// many operations these do, two where both lanes of a register are used.
+/// Prints, for every call that computes with doubles: instructions, how many of them add, subtract,
+/// multiply, divide or take a root, and how many operations these do, two where both lanes of a
+/// register are used.
 pub(crate) fn report() {
     let lanes = lanes_by_address();
-    println!("{:<22} {:>9} {:>11} {:>11}", "call", "counted", "arithmetic", "operations");
+    println!(
+        "{:<22} {:>9} {:>11} {:>11}",
+        "call", "counted", "arithmetic", "operations"
+    );
     for call in calls::CALLS {
         let (mut counted, mut arithmetic, mut operations) = (0, 0, 0);
         for (address, times) in executed(call.name) {
@@ -21,7 +26,10 @@ pub(crate) fn report() {
             }
         }
         if arithmetic > 0 {
-            println!("{:<22} {counted:>9} {arithmetic:>11} {operations:>11}", call.name);
+            println!(
+                "{:<22} {counted:>9} {arithmetic:>11} {operations:>11}",
+                call.name
+            );
         }
     }
 }
@@ -51,11 +59,12 @@ fn lanes_by_address() -> BTreeMap<u64, u64> {
         .collect()
 }
 
-/// Every instruction that the call of this name executes in this program, and how often. What it executes elsewhere (libc
-/// copies and compares) has an address of its own object, and is under 0.
+/// Every instruction that the call of this name executes in this program, and how often. What it
+/// executes elsewhere (libc copies and compares) has an address of its own object, and is under 0.
 fn executed(name: &str) -> Vec<(u64, u64)> {
     let program = std::env::current_exe().unwrap();
-    let file = std::env::temp_dir().join(format!("callgrind-{}-{name}", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("callgrind");
     let status = Command::new("valgrind")
         .args(["--tool=callgrind", "--dump-instr=yes", "-q"])
         .args(["--compress-pos=no", "--compress-strings=no"])
@@ -67,7 +76,6 @@ fn executed(name: &str) -> Vec<(u64, u64)> {
         .unwrap();
     assert!(status.success(), "{name}: {status}");
     let text = fs::read_to_string(&file).unwrap();
-    fs::remove_file(&file).unwrap();
     let (mut ours, mut called) = (false, false);
     let mut found = Vec::new();
     for line in text.lines() {

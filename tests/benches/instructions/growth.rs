@@ -1,13 +1,14 @@
-//! Growth of the cost: of a tick with axes, connections and frames; of the F1's kinematics with the distance of the seed.
+//! Growth of the cost: of a tick with axes, connections and frames; of the F1's kinematics with the
+//! distance of the seed.
 
 use std::hint::black_box;
 use std::path::Path;
 
-use gantry_tau::plots::{Corner, Curve, Plot};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{ClientMessage, Mode};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::model::kinematics::COLD_ITERATIONS;
+use gantry_tau_report::plots::{Curve, Plot};
 
 use crate::calls::measured;
 use crate::count;
@@ -26,7 +27,12 @@ struct Series {
 
 /// Of a tick: counts of something.
 const TICK: [Series; 3] = [
-    Series { name: "axes", curve: "axes", parameters: &[1, 2, 3, 4, 5, 6], run: tick_of_axes },
+    Series {
+        name: "axes",
+        curve: "axes",
+        parameters: &[1, 2, 3, 4, 5, 6],
+        run: tick_of_axes,
+    },
     Series {
         name: "connections",
         curve: "connections, the others with a frame each",
@@ -43,8 +49,18 @@ const TICK: [Series; 3] = [
 
 /// Of the kinematics: distances of the seed, in half decades below 1 (m and rad).
 const KINEMATICS: [Series; 2] = [
-    Series { name: "inverse", curve: "inverse", parameters: &HALF_DECADES, run: inverse_from },
-    Series { name: "forward", curve: "forward", parameters: &HALF_DECADES, run: forward_from },
+    Series {
+        name: "inverse",
+        curve: "inverse",
+        parameters: &HALF_DECADES,
+        run: inverse_from,
+    },
+    Series {
+        name: "forward",
+        curve: "forward",
+        parameters: &HALF_DECADES,
+        run: forward_from,
+    },
 ];
 
 const HALF_DECADES: [u32; 12] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18];
@@ -59,35 +75,43 @@ fn distance(halves: u32) -> f64 {
 
 /// Makes a call by `name:parameter`.
 pub(crate) fn run(name: &str, parameter: &str) {
-    let series = TICK.iter().chain(&KINEMATICS).find(|series| series.name == name);
+    let series = TICK
+        .iter()
+        .chain(&KINEMATICS)
+        .find(|series| series.name == name);
     let series = series.unwrap_or_else(|| panic!("no series is named {name}"));
     (series.run)(parameter.parse().unwrap());
 }
 
 /// Counts all series, prints them, and draws them into docs.
 pub(crate) fn draw() {
-    draw_into("cost-ticks.svg", "axes, connections, or frames", &TICK, f64::from);
-    draw_into("cost-kinematics.svg", "distance of the seed, decades of m and rad", &KINEMATICS, decades);
+    draw_into(
+        "cost-ticks.svg",
+        "Cost of a tick",
+        "axes, connections, or frames",
+        &TICK,
+        f64::from,
+    );
+    draw_into(
+        "cost-kinematics.svg",
+        "Cost of the F1's kinematics",
+        "distance of the seed, decades of m and rad",
+        &KINEMATICS,
+        decades,
+    );
 }
 
-fn draw_into(file: &str, x_axis: &'static str, series: &[Series], x: fn(u32) -> f64) {
-    let curve = |series: &Series| {
-        let point = |parameter: &u32| {
+fn draw_into(file: &str, title: &str, x_axis: &str, series: &[Series], x: fn(u32) -> f64) {
+    let curves = series.iter().map(|series| {
+        let points = series.parameters.iter().map(|parameter| {
             let counted = count(&format!("{}:{parameter}", series.name));
             println!("{} {parameter} {counted}", series.name);
             (x(*parameter), f64::from(u32::try_from(counted).unwrap()))
-        };
-        Curve { dots: true, ..Curve::line(series.curve, series.parameters.iter().map(point).collect()) }
-    };
-    let plot = Plot {
-        x_axis,
-        y_axis: "instructions (x86-64)",
-        curves: series.iter().map(curve).collect(),
-        bands: Vec::new(),
-        y_names: Vec::new(),
-        key: Corner::UpperLeft,
-    };
-    std::fs::write(Path::new(DOCS).join(file), plot.svg()).unwrap();
+        });
+        Curve::line(series.curve, points.collect()).with_dots()
+    });
+    let plot = Plot::new(title, x_axis, "instructions (x86-64)", curves.collect());
+    std::fs::write(Path::new(DOCS).join(file), plot.svg().as_str()).unwrap();
 }
 
 fn tick_of_axes(axes: u32) {
@@ -113,7 +137,8 @@ fn six() -> Server<6, 6> {
     Server::in_obtain([0, 1, 2, 3, 4, 5])
 }
 
-/// One command of the owner in, one State out, with the black box. Every other connection sends so many frames, which are not its to send.
+/// One command of the owner in, one State out, with the black box. Every other connection sends so
+/// many frames, which are not its to send.
 fn tick<const N: usize>(mut server: Server<N, N>, connections: u32, frames: u32) {
     let command = server.command(Mode::Obtain);
     let bytes = black_box(encode_client(&ClientMessage::Command(command)));
@@ -129,7 +154,11 @@ fn tick<const N: usize>(mut server: Server<N, N>, connections: u32, frames: u32)
         for other in &others {
             server.endpoint.feed(*other, &stops);
         }
-        black_box(server.endpoint.tick_recorded(&input, &mut *server.black_box));
+        black_box(
+            server
+                .endpoint
+                .tick_recorded(&input, &mut *server.black_box),
+        );
         while let Some((_, bytes)) = server.endpoint.poll_transmit() {
             black_box(bytes);
         }
@@ -145,5 +174,8 @@ fn inverse_from(halves: u32) {
 
 fn forward_from(halves: u32) {
     let (kinematics, _, q, seed) = black_box(six_from(distance(halves)));
-    black_box(measured(|| kinematics.forward_from(&q, &seed, COLD_ITERATIONS))).unwrap();
+    black_box(measured(|| {
+        kinematics.forward_from(&q, &seed, COLD_ITERATIONS)
+    }))
+    .unwrap();
 }

@@ -1,14 +1,16 @@
-//! Instructions per call, counted by Valgrind's callgrind: repeatable to the instruction, whatever else the machine does.
+//! Instructions per call, counted by Valgrind's callgrind: repeatable to the instruction, under
+//! any load of the machine.
 //!
 //! ```sh
 //! cargo bench -p gantry-tau-tests --bench instructions              # counts, and compares with counts.toml
-//! cargo bench -p gantry-tau-tests --bench instructions -- --write   # writes counts.toml anew
+//! cargo bench -p gantry-tau-tests --bench instructions -- --write   # writes counts.toml again
 //! cargo bench -p gantry-tau-tests --bench instructions -- --arithmetic   # how many of them compute (needs objdump, too)
 //! cargo bench -p gantry-tau-tests --bench instructions -- --growth  # how they grow; draws docs/cost-*.svg
 //! ```
 //!
-//! The committed counts are those of rustc 1.95; another compiler may differ by more than 5 %.
-//! Exit codes: 0 every count is within 5 % of the committed one and below its limit, 1 one is not, 3 Valgrind is missing.
+//! The committed counts are those of rustc 1.95; another compiler may differ by more than 5 %. Exit
+//! codes: 0 every count is within 5 % of the committed one and below its limit, 1 one is not, 3
+//! Valgrind is missing.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -27,7 +29,10 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 
 /// The committed counts.
-const COUNTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instructions/counts.toml");
+const COUNTS: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/benches/instructions/counts.toml"
+);
 /// A count may differ by so much from the committed one before somebody has to look.
 const TOLERANCE_PERCENT: u64 = 5;
 
@@ -54,7 +59,10 @@ fn main() -> ExitCode {
         growth::draw();
         return ExitCode::SUCCESS;
     }
-    let counts: BTreeMap<&str, u64> = calls::CALLS.iter().map(|call| (call.name, count(call.name))).collect();
+    let counts: BTreeMap<&str, u64> = calls::CALLS
+        .iter()
+        .map(|call| (call.name, count(call.name)))
+        .collect();
     if arguments.iter().any(|argument| argument == "--write") {
         std::fs::write(COUNTS, written(&counts)).unwrap();
     }
@@ -71,7 +79,9 @@ fn count(name: &str) -> u64 {
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
-    let collected = text.lines().find_map(|line| line.split_once("Collected : "));
+    let collected = text
+        .lines()
+        .find_map(|line| line.split_once("Collected : "));
     let (_, number) = collected.unwrap_or_else(|| panic!("{name}: callgrind says\n{text}"));
     let number = number.trim().parse().unwrap();
     assert!(number > 0, "{name}: the call was not found");
@@ -79,7 +89,9 @@ fn count(name: &str) -> u64 {
 }
 
 fn written(counts: &BTreeMap<&str, u64>) -> String {
-    let lines = counts.iter().map(|(name, count)| format!("{name} = {count}\n"));
+    let lines = counts
+        .iter()
+        .map(|(name, count)| format!("{name} = {count}\n"));
     let head = "# Instructions per call, x86-64 baseline, bench profile; written by `cargo bench -p gantry-tau-tests --bench instructions -- --write`.\n";
     head.to_owned() + &lines.collect::<String>()
 }
@@ -88,19 +100,27 @@ fn written(counts: &BTreeMap<&str, u64>) -> String {
 fn report(counts: &BTreeMap<&str, u64>) -> ExitCode {
     let committed = committed(Path::new(COUNTS));
     let mut good = true;
-    println!("{:<24} {:>9} {:>9} {:>9}", "call", "counted", "committed", "limit");
+    println!(
+        "{:<24} {:>9} {:>9} {:>9}",
+        "call", "counted", "committed", "limit"
+    );
     for call in calls::CALLS {
         let counted = counts.get(call.name).copied().unwrap_or(u64::MAX);
         let before = committed.get(call.name).copied().unwrap_or(0);
         let near = counted.abs_diff(before) * 100 <= before * TOLERANCE_PERCENT;
         let below = call.limit.is_none_or(|limit| counted <= limit);
-        let limit = call.limit.map_or_else(|| "-".to_owned(), |limit| limit.to_string());
+        let limit = call
+            .limit
+            .map_or_else(|| "-".to_owned(), |limit| limit.to_string());
         let remark = match (near, below) {
             (true, true) => "",
             (_, false) => "  ABOVE ITS LIMIT",
             (false, true) => "  differs by more than 5 %: look, then --write",
         };
-        println!("{:<24} {counted:>9} {before:>9} {limit:>9}{remark}", call.name);
+        println!(
+            "{:<24} {counted:>9} {before:>9} {limit:>9}{remark}",
+            call.name
+        );
         good &= near && below;
     }
     ExitCode::from(u8::from(!good))
@@ -110,5 +130,7 @@ fn report(counts: &BTreeMap<&str, u64>) -> ExitCode {
 fn committed(path: &Path) -> BTreeMap<String, u64> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     let entries = text.lines().filter_map(|line| line.split_once(" = "));
-    entries.map(|(name, number)| (name.to_owned(), number.parse().unwrap())).collect()
+    entries
+        .map(|(name, number)| (name.to_owned(), number.parse().unwrap()))
+        .collect()
 }

@@ -32,7 +32,11 @@ pub(crate) fn load() -> Wrench {
 }
 
 fn config<const N: usize>() -> CompensatorConfig<N> {
-    CompensatorConfig { gain: 1.0, limits: [OffsetNm(2_000_000); N], metres_per_q: [1.0; N] }
+    CompensatorConfig {
+        gain: 1.0,
+        limits: [OffsetNm(2_000_000); N],
+        metres_per_q: [1.0; N],
+    }
 }
 
 /// The F1 in a pose, and the pose of a cycle before at 1 m/s and 1 rad/s.
@@ -43,13 +47,16 @@ pub(crate) fn six() -> (f1::Kinematics, Pose, [f64; 6], Pose) {
 /// The F1 in a pose, and one that is `distance` away, in metres and in radians.
 pub(crate) fn six_from(distance: f64) -> (f1::Kinematics, Pose, [f64; 6], Pose) {
     let kinematics = robots::f1(robots::f1_geometry()).unwrap();
-    let turn = |x, y, z| rotation_from_vector(&Vector3::new(x, y, z)).unwrap();
-    let pose = Pose { position_m: Vector3::new(0.1, -0.1, 0.4), rotation: turn(0.02, -0.15, 0.2) };
+    let pose = Pose {
+        position_m: Vector3::new(0.1, -0.1, 0.4),
+        rotation: rotation_from_vector(&Vector3::new(0.02, -0.15, 0.2)).unwrap(),
+    };
     let q = kinematics.inverse(&pose, None).unwrap().value;
     let third = distance / 3.0_f64.sqrt();
+    let turn = rotation_from_vector(&Vector3::new(third, third, -third)).unwrap();
     let before = Pose {
         position_m: pose.position_m + Vector3::new(third, -third, third),
-        rotation: turn(third, third, -third) * pose.rotation,
+        rotation: turn * pose.rotation,
     };
     (kinematics, pose, q, before)
 }
@@ -75,9 +82,15 @@ impl<const N: usize, const MOTORS: usize> Server<N, MOTORS> {
         let motors = MotorMap::new(motors).unwrap();
         let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Stream).unwrap();
-        let mut server = Self { endpoint, black_box: Box::new(BlackBox::new()), connection, sequence: 0 };
+        let mut server = Self {
+            endpoint,
+            black_box: Box::new(BlackBox::new()),
+            connection,
+            sequence: 0,
+        };
         server.cycle(&encode_client(&hello::<N>()));
-        // Until the black box has been full once, as it is for the life of a server but its first moments.
+        // Until the black box has been full once, as it is for the life of a server but its first
+        // moments.
         let obtain = std::iter::repeat_n(Mode::Obtain, SEGMENTS * HALF);
         for mode in std::iter::once(Mode::Submit).chain(obtain) {
             let command = server.command(mode);
@@ -90,7 +103,10 @@ impl<const N: usize, const MOTORS: usize> Server<N, MOTORS> {
     pub(crate) fn command(&mut self, mode: Mode) -> Command<N> {
         self.sequence += 1;
         let discrete = &self.endpoint.session().parts().discrete;
-        let target = Offsets { position: OffsetNm(123_456), ..Offsets::default() };
+        let target = Offsets {
+            position: OffsetNm(123_456),
+            ..Offsets::default()
+        };
         Command {
             epoch: discrete.epoch,
             sequence: Sequence(self.sequence),
@@ -102,7 +118,9 @@ impl<const N: usize, const MOTORS: usize> Server<N, MOTORS> {
 
     pub(crate) fn cycle(&mut self, bytes: &[u8]) {
         self.endpoint.feed(self.connection, bytes);
-        let _ = self.endpoint.tick_recorded(&on_time(), &mut *self.black_box);
+        let _ = self
+            .endpoint
+            .tick_recorded(&on_time(), &mut *self.black_box);
     }
 }
 

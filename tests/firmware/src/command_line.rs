@@ -1,5 +1,8 @@
 //! Command line of the emulator.
-#![allow(unsafe_code, reason = "a call of the emulator; the block says why it is sound")]
+#![allow(
+    unsafe_code,
+    reason = "a call of the emulator; the block says why it is sound"
+)]
 
 use cortex_m_semihosting::nr;
 
@@ -23,9 +26,15 @@ impl CommandLine {
     /// Reads it; empty if there is none, or a longer one.
     pub(crate) fn read() -> Self {
         let mut bytes = [0; COMMAND_LINE];
-        let mut room = Room { bytes: bytes.as_mut_ptr(), length: COMMAND_LINE };
-        // SAFETY: the call writes at most `length` bytes to `bytes` and their number to `length`; both live through it.
-        let failed = unsafe { cortex_m_semihosting::syscall1(nr::GET_CMDLINE, (&raw mut room).expose_provenance()) };
+        let mut room = Room {
+            bytes: bytes.as_mut_ptr(),
+            length: COMMAND_LINE,
+        };
+        // SAFETY: the call writes at most `length` bytes to `bytes` and their number to `length`;
+        // both live through it.
+        let failed = unsafe {
+            cortex_m_semihosting::syscall1(nr::GET_CMDLINE, (&raw mut room).expose_provenance())
+        };
         let length = if failed == 0 { room.length } else { 0 };
         Self { bytes, length }
     }

@@ -1,9 +1,10 @@
-//! Budget of bytes and connections between two ticks, so that no peer can make a tick long. The rest waits in its socket.
+//! Budget of bytes and connections between two ticks, so that no peer can make a tick long. The
+//! rest waits in its socket.
 
 use gantry_tau_core::control::session::Connection;
 
-/// Bytes of the owner of the session per tick: three Commands of six axes. A client that sends one Command per State, and goes on
-/// after one was lost, never has more waiting.
+/// Bytes of the owner of the session per tick: three Commands of six axes. A client that sends one
+/// Command per State, and goes on after one was lost, never has more waiting.
 pub(crate) const OWNER_BYTES: usize = 300;
 /// Bytes of all other connections together per tick: one frame of six axes.
 pub(crate) const NON_OWNER_BYTES: usize = 128;
@@ -32,8 +33,17 @@ impl IngressBudget {
     }
 
     /// Counts bytes that were read of a connection.
-    pub(crate) fn count(&mut self, connection: Connection, owner: Option<Connection>, bytes: usize) {
-        let sum = if owner == Some(connection) { &mut self.owner } else { &mut self.non_owners };
+    pub(crate) fn count(
+        &mut self,
+        connection: Connection,
+        owner: Option<Connection>,
+        bytes: usize,
+    ) {
+        let sum = if owner == Some(connection) {
+            &mut self.owner
+        } else {
+            &mut self.non_owners
+        };
         *sum = sum.saturating_add(bytes);
     }
 }

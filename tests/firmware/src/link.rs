@@ -1,5 +1,6 @@
-//! Lock-step server of a real client over TCP. Emulated time is not real time: a cycle is due when the timer's interrupt came AND
-//! the owner has answered the last State, or was silent for too long.
+//! Lock-step server of a real client over TCP. Emulated time is not real time: a cycle is due when
+//! the timer's interrupt came AND the owner has answered the last State, or was silent for too
+//! long.
 
 use core::mem::MaybeUninit;
 
@@ -11,7 +12,8 @@ use gantry_tau_core::units::PositionNm;
 use crate::board::timer::Ticks;
 use crate::board::{clock, stack};
 use crate::machine::{
-    AXES, AXIS_OF_MOTOR, ControlCycle, CycleInput, Machine, Motion, MotorReferences, Parts, Pose6, Unmeasured,
+    AXES, AXIS_OF_MOTOR, ControlCycle, CycleInput, Machine, Motion, MotorReferences, Parts, Pose6,
+    Unmeasured,
 };
 use crate::net::lan9118::{Lan9118, LanError};
 use crate::net::tcp::{Place, Server, Storage};
@@ -34,7 +36,7 @@ const PATH_UM: u64 = 1_000;
 /// Position of the tool at home, m.
 const HOME_M: [f64; 3] = [0.1, 0.0, 0.3];
 /// Longest run, ms: ends a firmware whose test has died.
-const LONGEST_MS: u32 = 600_000;
+const MAX_MS: u32 = 600_000;
 
 /// Error at the start of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
@@ -58,8 +60,8 @@ enum Broken {
     Withheld,
 }
 
-/// Serves until `sessions` have ended and all connections are closed. Returns true if every reference of every tick was within its
-/// bounds.
+/// Serves until `sessions` have ended and all connections are closed. Returns true if every
+/// reference of every tick was within its bounds.
 pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
     let Some(sessions) = sessions.and_then(number) else {
         defmt::error!("usage: link SESSIONS");
@@ -75,24 +77,32 @@ pub(crate) fn run(ticks: Ticks, sessions: Option<&[u8]>) -> bool {
 }
 
 fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
-    let place = singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
+    let place =
+        singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
     let cycle = ControlCycle::write(place).map_err(|_| LinkError::Machine)?;
-    let home = cycle.run(&CycleInput::on_time(Motion::F1, pose(0))).nominal().ok_or(LinkError::Machine)?;
+    let home = cycle
+        .run(&CycleInput::on_time(Motion::F1, pose(0)))
+        .nominal()
+        .ok_or(LinkError::Machine)?;
     let parts = Parts::new(cycle, Capabilities::LOCKSTEP, home).map_err(|_| LinkError::Machine)?;
-    let place = singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
+    let place =
+        singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
     let machine = place.write(Machine::new(parts));
     let lan = Lan9118::new(PLACE.hardware).map_err(LinkError::Lan)?;
     let storage = singleton!(: Storage = Storage::new()).ok_or(LinkError::Twice)?;
     let mut tcp = Server::new(lan, &PLACE, storage, clock::now().into());
     let axes = &machine.server().session().config().parameters().axes;
-    let mut monitor = Monitor::new(axes.map(|axis| axis.limits), Some(axes.map(|axis| axis.machine_travel)));
+    let mut monitor = Monitor::new(
+        axes.map(|axis| axis.limits),
+        Some(axes.map(|axis| axis.machine_travel)),
+    );
     let mut log = SessionLog::new();
     let mut broken_ticks: u32 = 0;
     defmt::info!("listening={=u16}", PLACE.port);
 
     let mut now_ms: u32 = 0;
     let mut last_tick_ms: u32 = 0;
-    while now_ms < LONGEST_MS {
+    while now_ms < MAX_MS {
         now_ms = now_ms.saturating_add(ticks.wait());
         tcp.visit(now_ms.into(), machine.server());
         if !is_due(machine, now_ms.saturating_sub(last_tick_ms)) {
@@ -133,16 +143,27 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
 }
 
 /// Checks State and references of the last tick, from outside of the session.
-fn check(monitor: &mut Monitor<AXES>, machine: &Machine, motors: &MotorReferences) -> Result<(), Broken> {
+fn check(
+    monitor: &mut Monitor<AXES>,
+    machine: &Machine,
+    motors: &MotorReferences,
+) -> Result<(), Broken> {
     let (Some(output), Some(motors)) = (machine.output(), motors) else {
         return Err(Broken::Withheld);
     };
-    monitor.check_tick(&output.state, &output.references).map_err(Broken::Rule)?;
+    monitor
+        .check_tick(&output.state, &output.references)
+        .map_err(Broken::Rule)?;
     let mut motors = motors.iter().zip(AXIS_OF_MOTOR);
-    if motors.all(|(motor, axis)| output.references.get(axis) == Some(motor)) { Ok(()) } else { Err(Broken::Motors) }
+    if motors.all(|(motor, axis)| output.references.get(axis) == Some(motor)) {
+        Ok(())
+    } else {
+        Err(Broken::Motors)
+    }
 }
 
-/// True if the cycle need not wait any longer for the owner's answer, `waited_ms` after the last State.
+/// True if the cycle need not wait any longer for the owner's answer, `waited_ms` after the last
+/// State.
 fn is_due(machine: &mut Machine, waited_ms: u32) -> bool {
     let server = machine.server();
     let patience_ms = match server.session().phase() {
@@ -155,7 +176,9 @@ fn is_due(machine: &mut Machine, waited_ms: u32) -> bool {
 
 /// Returns a pose on the tool's path, along x, to and fro.
 fn pose(step: u64) -> Pose6 {
-    let along = step.checked_rem(PATH_UM.saturating_mul(2)).unwrap_or_default();
+    let along = step
+        .checked_rem(PATH_UM.saturating_mul(2))
+        .unwrap_or_default();
     let away = along.min(PATH_UM.saturating_mul(2).saturating_sub(along));
     let away_m = f64::from(u32::try_from(away).unwrap_or_default()) * 1e-6;
     let [x, y, z] = HOME_M;

@@ -1,5 +1,5 @@
-//! The complete core on a Cortex-M, driven by a timer interrupt at 1 kHz: plays the recording `replay.in`.
-//! (`bin/link.rs` serves a real client.)
+//! The complete core on a Cortex-M, driven by a timer interrupt at 1 kHz: plays the recording
+//! `replay.in`. (`bin/link.rs` serves a real client.)
 #![no_std]
 #![no_main]
 

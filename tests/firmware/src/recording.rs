@@ -1,12 +1,15 @@
-//! Playback of a recording: connections, bytes and cycle inputs come from a file, the outcome of every cycle goes to another.
-//! The same file is compiled into the test, which writes recordings and plays them on the host.
+//! Playback of a recording: connections, bytes and cycle inputs come from a file, the outcome of
+//! every cycle goes to another. The same file is compiled into the test, which writes recordings
+//! and plays them on the host.
 //!
-//! A recording is a sequence of [`Record`]s, each its length (`u16`, little-endian), its kind (one byte) and its content: the number of
-//! a connection (`u64`) and bytes, or the words of a cycle ([`transfer`]). The first is a [`Record::Cycle`] that does not run: it has the
-//! nominal positions at the start. The last is [`Record::End`]. The outcome is only compared: raw numbers, little-endian, in the order of
-//! this file.
+//! A recording is a sequence of [`Record`]s, each its length (`u16`, little-endian), its kind (one
+//! byte) and its content: the number of a connection (`u64`) and bytes, or the words of a cycle
+//! ([`transfer`]). The first is a [`Record::Cycle`] that does not run: it has the nominal positions
+//! at the start. The last is [`Record::End`]. The outcome is only compared: raw numbers,
+//! little-endian, in the order of this file.
 //!
-//! Read by hand, not by `serde` and `postcard` as other files are: their decoders took 1.8 KB of an image whose goal is 64 KiB.
+//! Read by hand, not by `serde` and `postcard` as other files are: their decoders took 1.8 KB of an
+//! image whose goal is 64 KiB.
 
 use gantry_tau_core::control::axis::InForce;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
@@ -16,7 +19,9 @@ use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::units::PositionNm;
 
 use super::ingress_budget::IngressBudget;
-use super::machine::{AXES, CycleInput, CycleResult, Machine, Meter, Motion, MotorReferences, Part};
+use super::machine::{
+    AXES, CycleInput, CycleResult, Machine, Meter, Motion, MotorReferences, Part,
+};
 
 /// Bytes of the longest record: the kind and the words of a cycle.
 pub(crate) const MAX_RECORD: usize = 1 + 8 * 67;
@@ -65,7 +70,8 @@ pub(crate) trait Observer: Meter {
     fn ticked(&mut self, machine: &Machine, closed: &[Connection]);
 }
 
-/// Memory of a playback: a record, and the input of the cycle. Static, so that the stack is left to the cycle.
+/// Memory of a playback: a record, and the input of the cycle. Static, so that the stack is left to
+/// the cycle.
 pub(crate) struct Room {
     bytes: [u8; MAX_RECORD],
     input: CycleInput,
@@ -73,7 +79,10 @@ pub(crate) struct Room {
 
 impl Room {
     /// Empty memory.
-    pub(crate) const EMPTY: Self = Self { bytes: [0; MAX_RECORD], input: CycleInput::on_time(Motion::Given, [0.0; 6]) };
+    pub(crate) const EMPTY: Self = Self {
+        bytes: [0; MAX_RECORD],
+        input: CycleInput::on_time(Motion::Given, [0.0; 6]),
+    };
 }
 
 /// Reads the first record: the nominal positions at the start.
@@ -84,7 +93,8 @@ pub(crate) fn start(room: &mut Room, source: &mut impl Source) -> Option<[Positi
     }
 }
 
-/// Plays the records after [`start`]. `None` for an invalid recording, or if more arrives in a cycle than the budget allows.
+/// Plays the records after [`start`]. `None` for an invalid recording, or if more arrives in a
+/// cycle than the budget allows.
 pub(crate) fn play(
     machine: &mut Machine,
     room: &mut Room,
@@ -101,8 +111,8 @@ pub(crate) fn play(
     Some(())
 }
 
-/// Lets everything arrive until the next cycle, whose input is put into the room. Returns false at the end of the recording.
-/// Not inlined, so that its stack is free again when the cycle begins.
+/// Lets everything arrive until the next cycle, whose input is put into the room. Returns false at
+/// the end of the recording. Not inlined, so that its stack is free again when the cycle begins.
 #[inline(never)]
 fn arrive(
     machine: &mut Machine,
@@ -143,14 +153,24 @@ fn arrive(
 }
 
 /// Runs one cycle, and writes its outcome.
-pub(crate) fn cycle(machine: &mut Machine, input: &CycleInput, sink: &mut impl Sink, observer: &mut impl Observer) {
+pub(crate) fn cycle(
+    machine: &mut Machine,
+    input: &CycleInput,
+    sink: &mut impl Sink,
+    observer: &mut impl Observer,
+) {
     compute(machine, input, sink, observer);
     serve(machine, sink, observer);
 }
 
 /// Float half. Neither half is inlined, so that their stack use does not add up.
 #[inline(never)]
-fn compute(machine: &mut Machine, input: &CycleInput, sink: &mut impl Sink, observer: &mut impl Observer) {
+fn compute(
+    machine: &mut Machine,
+    input: &CycleInput,
+    sink: &mut impl Sink,
+    observer: &mut impl Observer,
+) {
     let result = machine.compute(input, observer);
     write_result(sink, &result);
     observer.computed(&result);
@@ -182,14 +202,13 @@ fn read<'a>(room: &'a mut Room, source: &mut impl Source) -> Option<Record<'a>> 
         return None;
     }
     let (kind, mut bytes) = bytes.split_first()?;
-    let mut word = |_| take(&mut bytes);
     Some(match kind {
         0 => Record::OpenStream,
         1 => Record::OpenDatagram,
-        2 => Record::Close(Connection(u64::from_le_bytes(word([0; 8])?))),
-        3 => Record::Bytes(Connection(u64::from_le_bytes(word([0; 8])?)), bytes),
+        2 => Record::Close(Connection(u64::from_le_bytes(consume(&mut bytes)?))),
+        3 => Record::Bytes(Connection(u64::from_le_bytes(consume(&mut bytes)?)), bytes),
         4 => {
-            transfer(&mut room.input, &mut word)?;
+            transfer(&mut room.input, &mut |_| consume(&mut bytes))?;
             Record::Cycle(&room.input)
         }
         5 => Record::End,
@@ -197,19 +216,26 @@ fn read<'a>(room: &'a mut Room, source: &mut impl Source) -> Option<Record<'a>> 
     })
 }
 
-/// Takes eight bytes.
-fn take(bytes: &mut &[u8]) -> Option<[u8; 8]> {
+/// Consumes eight bytes.
+fn consume(bytes: &mut &[u8]) -> Option<[u8; 8]> {
     let (first, rest) = bytes.split_first_chunk()?;
     *bytes = rest;
     Some(*first)
 }
 
-/// Passage of the eight bytes of a number: to a recording, which returns them, or from one, which returns others.
+/// Passage of the eight bytes of a number: to a recording, which returns them, or from one, which
+/// returns others.
 type Word<'a> = &'a mut dyn FnMut([u8; 8]) -> Option<[u8; 8]>;
 
-/// Passes the numbers of a cycle, one by one, to or from a recording. `None` if one does not fit its place.
+/// Passes the numbers of a cycle, one by one, to or from a recording. `None` if one does not fit
+/// its place.
 pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
-    let CycleInput { tick, motion, pose, load } = input;
+    let CycleInput {
+        tick,
+        motion,
+        pose,
+        load,
+    } = input;
     whole(&mut tick.elapsed_cycles, word)?;
     whole(&mut tick.arrival_us, word)?;
     for flag in [&mut tick.stop, &mut tick.rearm] {
@@ -222,7 +248,10 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
         };
     }
     let motions = [Motion::Given, Motion::L2, Motion::F1];
-    let mut kind = motions.iter().position(|one| one == motion).and_then(|at| u8::try_from(at).ok())?;
+    let mut kind = motions
+        .iter()
+        .position(|one| one == motion)
+        .and_then(|at| u8::try_from(at).ok())?;
     whole(&mut kind, word)?;
     *motion = *motions.get(usize::from(kind))?;
     let (mut is_read, mut reading) = match tick.reading {

@@ -1,7 +1,8 @@
-//! Playback of the recording `replay.in` of the emulator's working directory, one cycle per interrupt.
+//! Playback of the recording `replay.in` of the emulator's working directory, one cycle per
+//! interrupt.
 //!
-//! Writes the outcome to `replay.out`. Writes to `replay.laps` the clock cycles of each part of every cycle, and at the end the
-//! high-water marks of the stack: of the start, and of the cycles.
+//! Writes the outcome to `replay.out`. Writes to `replay.laps` the clock cycles of each part of
+//! every cycle, and at the end the high-water marks of the stack: of the start, and of the cycles.
 
 use core::mem::MaybeUninit;
 
@@ -23,14 +24,18 @@ pub(crate) fn run(ticks: Ticks) -> bool {
         defmt::error!("memory is not copied exactly");
         return false;
     }
-    let (Some(mut recording), Some(out), Some(laps)) =
-        (File::open(c"replay.in"), File::create(c"replay.out"), File::create(c"replay.laps"))
-    else {
+    let (Some(mut recording), Some(out), Some(laps)) = (
+        File::open(c"replay.in"),
+        File::create(c"replay.out"),
+        File::create(c"replay.laps"),
+    ) else {
         defmt::error!("a file of the replay cannot be opened");
         return false;
     };
-    let (Some(room), Some(buffer)) = (singleton!(: Room = Room::EMPTY), singleton!(: [u8; BUFFER] = [0; BUFFER]))
-    else {
+    let (Some(room), Some(buffer)) = (
+        singleton!(: Room = Room::EMPTY),
+        singleton!(: [u8; BUFFER] = [0; BUFFER]),
+    ) else {
         return false;
     };
     let Some(nominal) = recording::start(room, &mut recording) else {
@@ -40,8 +45,20 @@ pub(crate) fn run(ticks: Ticks) -> bool {
     let Some(machine) = machine(nominal) else {
         return false;
     };
-    let mut out = Buffered { file: out, buffer, used: 0, is_written: true };
-    let mut laps = Laps { ticks, file: laps, since: 0, cycles: [0; 3], log: SessionLog::new(), is_written: true };
+    let mut out = Buffered {
+        file: out,
+        buffer,
+        used: 0,
+        is_written: true,
+    };
+    let mut laps = Laps {
+        ticks,
+        file: laps,
+        since: 0,
+        cycles: [0; 3],
+        log: SessionLog::new(),
+        is_written: true,
+    };
     let to_start = stack::high_water();
     stack::forget();
     let played = recording::play(machine, room, &mut recording, &mut out, &mut laps).is_some();
@@ -54,10 +71,12 @@ pub(crate) fn run(ticks: Ticks) -> bool {
     played && out.is_written && laps.is_written
 }
 
-/// Puts the machine into its place. Not inlined, so that its stack is free again before the first cycle.
+/// Puts the machine into its place. Not inlined, so that its stack is free again before the first
+/// cycle.
 #[inline(never)]
 fn machine(nominal: [PositionNm; AXES]) -> Option<&'static mut Machine> {
-    let cycle = ControlCycle::write(singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit())?);
+    let cycle =
+        ControlCycle::write(singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit())?);
     let Ok(parts) = cycle.and_then(|cycle| Parts::new(cycle, Capabilities::NONE, nominal)) else {
         defmt::error!("core refuses the machine");
         return None;
@@ -96,7 +115,8 @@ impl Sink for Buffered {
         if self.used.saturating_add(bytes.len()) > BUFFER {
             self.flush();
         }
-        // In two steps, so that the compiler knows the lengths are equal, and `copy_from_slice` links no panic.
+        // In two steps, so that the compiler knows the lengths are equal, and `copy_from_slice`
+        // links no panic.
         let rest = self.buffer.get_mut(self.used..).unwrap_or_default();
         match rest.get_mut(..bytes.len()) {
             Some(room) => {

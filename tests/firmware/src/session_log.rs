@@ -17,7 +17,11 @@ pub(crate) struct SessionLog {
 impl SessionLog {
     /// Begins the log of a server without a session.
     pub(crate) const fn new() -> Self {
-        Self { phase: Phase::Listening, ticks: 0, sessions: 0 }
+        Self {
+            phase: Phase::Listening,
+            ticks: 0,
+            sessions: 0,
+        }
     }
 
     /// Logs the events of one tick.

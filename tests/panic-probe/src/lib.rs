@@ -1,5 +1,6 @@
-//! Links core into an image whose panic handler calls a function that does not exist.
-//! If the symbol `gantry_tau_panic` is in the archive, some path of the functions below can panic (T12, second leg).
+//! Links core into an image whose panic handler calls a function that does not exist. If the symbol
+//! `gantry_tau_panic` is in the archive, some path of the functions below can panic (T12, second
+//! leg).
 #![no_std]
 
 use core::hint::black_box;
@@ -15,8 +16,8 @@ use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::{
-    BlackBox, Client, Config, Connection, Endpoint, EpochRange, Mode, Monitor, MotorMap, Offsets, Parameters,
-    PositionNm, Session, Start, State, TickInput, Transport,
+    BlackBox, Client, Config, Connection, Endpoint, EpochRange, Mode, Monitor, MotorMap, Offsets,
+    Parameters, PositionNm, Session, Start, State, TickInput, Transport,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -32,11 +33,21 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
 
 /// The server side on six axes: start, open, feed, tick, poll, close, and the black box.
 #[unsafe(no_mangle)]
-pub extern "C" fn server(parameters: &Parameters<6>, start: &Start<6>, bytes: &[u8; 64], input: &TickInput<6>) -> i64 {
+pub extern "C" fn server(
+    parameters: &Parameters<6>,
+    start: &Start<6>,
+    bytes: &[u8; 64],
+    input: &TickInput<6>,
+) -> i64 {
     serve(parameters, start, bytes, input).unwrap_or(0)
 }
 
-fn serve(parameters: &Parameters<6>, start: &Start<6>, bytes: &[u8; 64], input: &TickInput<6>) -> Option<i64> {
+fn serve(
+    parameters: &Parameters<6>,
+    start: &Start<6>,
+    bytes: &[u8; 64],
+    input: &TickInput<6>,
+) -> Option<i64> {
     let session = Session::new(Config::new(*parameters).ok()?, start).ok()?;
     let motors = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
     let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
@@ -63,19 +74,32 @@ fn serve(parameters: &Parameters<6>, start: &Start<6>, bytes: &[u8; 64], input: 
 
 /// Position loops of six axes: check, start, tick.
 #[unsafe(no_mangle)]
-pub extern "C" fn position_loops(values: &[LoopValues; 6], inputs: &[LoopInput; 6], accepted: bool) -> i64 {
-    let run = || {
-        let mut config = [LoopConfig::DISABLED; 6];
-        for (config, values) in config.iter_mut().zip(values) {
-            *config = LoopConfig::new(*values).ok()?;
-        }
-        let mut loops = PositionLoops::at_rest(config, [PositionNm(black_box(0)); 6]);
-        let references = loops.tick(inputs, accepted);
-        let sum: i64 = references.iter().map(|axis| i64::from(axis.velocity.0)).sum();
-        let stopped = loops.stop().map_or(0, |(axis, _)| i64::try_from(axis).unwrap_or(0));
-        Some(sum.wrapping_add(stopped).wrapping_add(i64::from(loops.is_valid() && loops.is_at_rest())))
-    };
-    run().unwrap_or(0)
+pub extern "C" fn position_loops(
+    values: &[LoopValues; 6],
+    inputs: &[LoopInput; 6],
+    accepted: bool,
+) -> i64 {
+    run_loops(values, inputs, accepted).unwrap_or(0)
+}
+
+fn run_loops(values: &[LoopValues; 6], inputs: &[LoopInput; 6], accepted: bool) -> Option<i64> {
+    let mut config = [LoopConfig::DISABLED; 6];
+    for (config, values) in config.iter_mut().zip(values) {
+        *config = LoopConfig::new(*values).ok()?;
+    }
+    let mut loops = PositionLoops::at_rest(config, [PositionNm(black_box(0)); 6]);
+    let references = loops.tick(inputs, accepted);
+    let sum: i64 = references
+        .iter()
+        .map(|axis| i64::from(axis.velocity.0))
+        .sum();
+    let stopped = loops
+        .stop()
+        .map_or(0, |(axis, _)| i64::try_from(axis).unwrap_or(0));
+    Some(
+        sum.wrapping_add(stopped)
+            .wrapping_add(i64::from(loops.is_valid() && loops.is_at_rest())),
+    )
 }
 
 /// The client's half of the protocol, and the monitor.
@@ -97,7 +121,11 @@ pub extern "C" fn dialogue(
     let answer = client.answer(Mode::Obtain, targets);
     let goodbye = client.goodbye();
     let told = [hello, goodbye, client.stop()];
-    let sent = told.iter().flatten().map(|frame| frame.len()).sum::<usize>();
+    let sent = told
+        .iter()
+        .flatten()
+        .map(|frame| frame.len())
+        .sum::<usize>();
     let checked = monitor.check_state(state).is_ok();
     let heard = event.is_ok() && answer.is_some_and(|answer| answer.is_saturated());
     i64::try_from(sent.wrapping_add(consumed)).unwrap_or(0) + i64::from(checked && heard)
@@ -116,25 +144,62 @@ pub extern "C" fn client(
     nominal: &[PositionNm; 3],
     tcp_m: &Vector3<f64>,
 ) -> f64 {
-    let compensate = || {
-        let [a, b, c, d, e, f, x, y, z] = *compliances;
-        let robot = l2::Robot::new(*geometry).ok()?;
-        let compliances = Compliances::new([a, b, c, d, e, f], [x, y, z]).ok()?;
-        let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).ok()?;
-        let config = CompensatorConfig { gain, limits: [Default::default(); 3], metres_per_q: [1.0; 3] };
-        let compensator = l2::Compensator::new(&kinematics, &compliances, config).ok()?;
-        let Reading::Load(load) = ForceSensor::new(*mounting).ok()?.update(&Wrench::from_array(*raw), platform).ok()?
-        else {
-            return None;
-        };
-        let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
-        let jacobian = kinematics.jacobian(tcp_m).map_or(0.0, |j| j.sum());
-        let correction = compensator.correct(nominal, &load);
-        let exact = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
-        let in_q = compensator.correct_q(q, &load);
-        Some(inverse + jacobian + [correction, in_q, exact].iter().flatten().map(metres).sum::<f64>())
+    compensate(
+        geometry,
+        compliances,
+        mounting,
+        platform,
+        gain,
+        raw,
+        q,
+        nominal,
+        tcp_m,
+    )
+    .unwrap_or(0.0)
+}
+
+fn compensate(
+    geometry: &l2::Geometry,
+    compliances: &[f64; 9],
+    mounting: &SensorConfig,
+    platform: &Matrix3<f64>,
+    gain: f64,
+    raw: &[f64; 6],
+    q: &[f64; 3],
+    nominal: &[PositionNm; 3],
+    tcp_m: &Vector3<f64>,
+) -> Option<f64> {
+    let [a, b, c, d, e, f, x, y, z] = *compliances;
+    let robot = l2::Robot::new(*geometry).ok()?;
+    let compliances = Compliances::new([a, b, c, d, e, f], [x, y, z]).ok()?;
+    let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).ok()?;
+    let config = CompensatorConfig {
+        gain,
+        limits: [Default::default(); 3],
+        metres_per_q: [1.0; 3],
     };
-    compensate().unwrap_or(0.0)
+    let compensator = l2::Compensator::new(&kinematics, &compliances, config).ok()?;
+    let Reading::Load(load) = ForceSensor::new(*mounting)
+        .ok()?
+        .update(&Wrench::from_array(*raw), platform)
+        .ok()?
+    else {
+        return None;
+    };
+    let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());
+    let jacobian = kinematics.jacobian(tcp_m).map_or(0.0, |j| j.sum());
+    let correction = compensator.correct(nominal, &load);
+    let exact = compensator.correct_exact_at(&Pose::at(*tcp_m), q, &load);
+    let in_q = compensator.correct_q(q, &load);
+    Some(
+        inverse
+            + jacobian
+            + [correction, in_q, exact]
+                .iter()
+                .flatten()
+                .map(metres)
+                .sum::<f64>(),
+    )
 }
 
 /// All of a correction, so that none of it is left out.
@@ -143,7 +208,8 @@ fn metres<const N: usize>(correction: &Correction<N>) -> f64 {
     offsets.map(|offset| offset.to_metres().0).sum()
 }
 
-/// Everything the client side does with six axes: validate, inverse, forward with and without a seed, statics, compensate.
+/// Everything the client side does with six axes: validate, inverse, forward with and without a
+/// seed, statics, compensate.
 #[unsafe(no_mangle)]
 pub extern "C" fn client_of_six(
     geometry: &f1::Geometry,
@@ -154,36 +220,56 @@ pub extern "C" fn client_of_six(
     seed: &Pose,
     metres_per_q: &[f64; 6],
 ) -> f64 {
-    let compensate = || {
-        let robot = f1::Robot::new(*geometry).ok()?;
-        let [links, axes] = *compliances;
-        let compliances = Compliances::new(links, axes).ok()?;
-        let kinematics = f1::Kinematics::new(&robot);
-        let mut tracker = f1::PoseTracker::default();
-        tracker.last = Some(*seed);
-        let pose = tracker.track(&kinematics, q).ok()?;
-        let there = kinematics.inverse(&pose.value, None).ok()?;
-        let [.., q4, q5, q6] = there.value;
-        let (place, near) = (&pose.value.position_m, &seed.rotation);
-        let fixed = kinematics.inverse_fixed_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
-        let load = Wrench::from_array(*raw);
-        let config = CompensatorConfig { gain: 1.0, limits: [Default::default(); 6], metres_per_q: *metres_per_q };
-        let mut compensator = f1::Compensator::new(&kinematics.without_travel(), &compliances, config).ok()?;
-        let lines = kinematics.line_matrix(&pose.value, &there.value);
-        let jacobian = lines.and_then(|lines| Ok(lines.jacobian()? + kinematics.jacobian(&pose.value, &there.value)?));
-        let compliance = lines.and_then(|lines| lines.compliance(&compliances));
-        let correction = compensator.correct(nominal, &load);
-        let at = lines.and_then(|lines| compensator.correct_of(&lines, &pose.value, &there.value, &load));
-        let at = at.or(compensator.correct_at(&pose.value, &there.value, &load));
-        let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
-        let sum = f64::from(kinematics.checksum(metres_per_q))
-            + jacobian.map_or(0.0, |jacobian| jacobian.sum())
-            + compliance.map_or(0.0, |compliance| compliance.0.sum())
-            + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
-            + [correction, at, exact].iter().flatten().map(metres).sum::<f64>();
-        Some(sum)
+    compensate_six(geometry, compliances, raw, q, nominal, seed, metres_per_q).unwrap_or(0.0)
+}
+
+fn compensate_six(
+    geometry: &f1::Geometry,
+    compliances: &[[f64; 6]; 2],
+    raw: &[f64; 6],
+    q: &[f64; 6],
+    nominal: &[PositionNm; 6],
+    seed: &Pose,
+    metres_per_q: &[f64; 6],
+) -> Option<f64> {
+    let robot = f1::Robot::new(*geometry).ok()?;
+    let [links, axes] = *compliances;
+    let compliances = Compliances::new(links, axes).ok()?;
+    let kinematics = f1::Kinematics::new(&robot);
+    let mut tracker = f1::PoseTracker::default();
+    tracker.last = Some(*seed);
+    let pose = tracker.track(&kinematics, q).ok()?;
+    let there = kinematics.inverse(&pose.value, None).ok()?;
+    let [.., q4, q5, q6] = there.value;
+    let (place, near) = (&pose.value.position_m, &seed.rotation);
+    let fixed = kinematics.inverse_fixed_plates(place, &[q4, q5, q6], near, WARM_ITERATIONS);
+    let load = Wrench::from_array(*raw);
+    let config = CompensatorConfig {
+        gain: 1.0,
+        limits: [Default::default(); 6],
+        metres_per_q: *metres_per_q,
     };
-    compensate().unwrap_or(0.0)
+    let mut compensator =
+        f1::Compensator::new(&kinematics.without_travel(), &compliances, config).ok()?;
+    let lines = kinematics.line_matrix(&pose.value, &there.value);
+    let jacobian = lines
+        .and_then(|lines| Ok(lines.jacobian()? + kinematics.jacobian(&pose.value, &there.value)?));
+    let compliance = lines.and_then(|lines| lines.compliance(&compliances));
+    let correction = compensator.correct(nominal, &load);
+    let at =
+        lines.and_then(|lines| compensator.correct_of(&lines, &pose.value, &there.value, &load));
+    let at = at.or(compensator.correct_at(&pose.value, &there.value, &load));
+    let exact = compensator.correct_exact_at(&pose.value, &there.value, &load);
+    let sum = f64::from(kinematics.checksum(metres_per_q))
+        + jacobian.map_or(0.0, |jacobian| jacobian.sum())
+        + compliance.map_or(0.0, |compliance| compliance.0.sum())
+        + fixed.map_or(0.0, |fixed| fixed.value.0.iter().sum())
+        + [correction, at, exact]
+            .iter()
+            .flatten()
+            .map(metres)
+            .sum::<f64>();
+    Some(sum)
 }
 
 /// The negative control: a panic that is linked.

@@ -1,4 +1,5 @@
-//! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6 axes (T12 to T14).
+//! Wrenches of any bits, one after the other, through the sensor and both compensations, 3 and 6
+//! axes (T12 to T14).
 
 use arbitrary::Arbitrary;
 use gantry_tau_core::model::compensation::CompensatorConfig;
@@ -9,11 +10,11 @@ use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::OffsetNm;
-use gantry_tau_proofs::compensation::{
+use gantry_tau_proofs::properties::compensation::{
     correction_is_bounded, cycle_is_bounded, sensor_stays_valid, sensor_takes_good_readings,
 };
+use gantry_tau_proofs::properties::{kinematics, six_link};
 use gantry_tau_proofs::robots;
-use gantry_tau_proofs::{kinematics, six_link};
 
 /// A machine's position, a configuration, and readings of the sensor.
 #[derive(Arbitrary, Clone, Debug, PartialEq)]
@@ -64,7 +65,10 @@ impl Loads {
         let mut sensor = ForceSensor::new(SensorConfig {
             rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
             lever_m: [0.02, 0.0, -0.08].into(),
-            tool: Tool { weight_n: [0.0, 0.0, -49.0].into(), centre_m: [0.01, 0.0, -0.12].into() },
+            tool: Tool {
+                weight_n: [0.0, 0.0, -49.0].into(),
+                centre_m: [0.01, 0.0, -0.12].into(),
+            },
             cutoff_hz: f64::from(self.cutoff_hz.max(1)),
             cycle_s: 1e-3,
             tare_samples: 1,
@@ -91,14 +95,14 @@ fn three_axes(loads: &Loads) {
     for (axis, place) in tcp.iter_mut().enumerate() {
         *place += loads.step(axis);
     }
-    let standing = nominal.inverse(&tcp.into());
+    let at_rest = nominal.inverse(&tcp.into());
     let q = match loads.lost {
         Some([q1, q2, q3, ..]) => [q1, q2, q3],
-        None => standing.unwrap_or_default(),
+        None => at_rest.unwrap_or_default(),
     };
     let compliances = presets::l2_compliances();
     let any_scales = loads.config::<3>(loads.scales());
-    correction_is_bounded(&any_scales, &q, &standing.unwrap_or_default());
+    correction_is_bounded(&any_scales, &q, &at_rest.unwrap_or_default());
     let pose = Pose::at(tcp.into());
     for load in loads.loads() {
         if let Ok(command) = l2::exact_command(&robot, &compliances, &pose, &q, &load) {
@@ -113,7 +117,11 @@ fn three_axes(loads: &Loads) {
         };
         for load in loads.loads() {
             cycle_is_bounded(&config, compensator.correct_q(&q, &load), &load);
-            cycle_is_bounded(&config, compensator.correct_exact_at(&pose, &q, &load), &load);
+            cycle_is_bounded(
+                &config,
+                compensator.correct_exact_at(&pose, &q, &load),
+                &load,
+            );
             kinematics::statics_are_finite(&robot, &nominal, tcp, q, &load);
         }
     }
@@ -129,9 +137,12 @@ fn six_axes(loads: &Loads) {
     let Some(rotation) = rotation_from_vector(&turn.into()) else {
         return;
     };
-    let pose = Pose { position_m: place.into(), rotation };
-    let standing = kinematics.inverse(&pose, None).map(|found| found.value);
-    let q = loads.lost.unwrap_or(standing.unwrap_or_default());
+    let pose = Pose {
+        position_m: place.into(),
+        rotation,
+    };
+    let at_rest = kinematics.inverse(&pose, None).map(|found| found.value);
+    let q = loads.lost.unwrap_or(at_rest.unwrap_or_default());
     let links = *presets::l2_compliances().link_m_per_n();
     let machine = f1::Elastic::new(&kinematics, &Compliances::new(links, [4e-8; 6]).unwrap());
     for config in [loads.config(loads.scales()), loads.config([1.0; 6])] {

@@ -1,6 +1,6 @@
 //! Any text as a robot file: it is read, or refused in one line that names the file and says why.
 
-use gantry_tau::robot_file::{AnyRobotFile, RobotFileError};
+use gantry_tau_machine::robot_file::{AnyRobotFile, RobotFileError};
 
 const NAME: &str = "robots/fuzzed.toml";
 
@@ -22,7 +22,8 @@ fn is_told(error: &RobotFileError) {
     assert!(!line.contains(['\n', '\r']), "one line: {line}");
 }
 
-/// No number of a machine that was accepted is infinite or none, whichever machine it is: their `Debug` would say so.
+/// No number of a machine that was accepted is infinite or none, whichever machine it is: their
+/// `Debug` would say so.
 fn is_finite(machine: &str) {
     let words = machine.split(|c: char| !c.is_ascii_alphanumeric());
     for word in words {

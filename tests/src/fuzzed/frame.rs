@@ -1,7 +1,8 @@
-//! Any body in a frame whose length and checksum are right: what random bytes would hardly ever reach (T8).
+//! Any body in a frame whose length and checksum are right: what random bytes would hardly ever
+//! reach (T8).
 
 use arbitrary::{Arbitrary, Unstructured};
-use gantry_tau_proofs::wire::sealed_frame_is_judged;
+use gantry_tau_proofs::properties::wire::sealed_frame_is_judged;
 
 /// A frame without its length and its checksum.
 #[derive(Arbitrary, Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +21,14 @@ pub struct Sealed<'a> {
 
 /// A [`Sealed`] frame.
 pub fn frame(data: &[u8]) {
-    if let Ok(Sealed { version, kind, cut, bit, body }) = Sealed::arbitrary_take_rest(Unstructured::new(data)) {
+    if let Ok(Sealed {
+        version,
+        kind,
+        cut,
+        bit,
+        body,
+    }) = Sealed::arbitrary_take_rest(Unstructured::new(data))
+    {
         sealed_frame_is_judged(version, kind, body, cut, bit);
     }
 }

@@ -1,6 +1,8 @@
-//! Bodies of the targets of `../fuzz`: each makes its input of the bytes and checks the properties of `gantry_tau_proofs`.
+//! Bodies of the targets of `../fuzz`: each makes its input of the bytes and checks the properties
+//! of `gantry_tau_proofs`.
 //!
-//! Here and not in the targets, so that stable Rust can replay seeds and corpora: `tests/fuzz_seeds`.
+//! Here and not in the targets, so that stable Rust can replay seeds and corpora:
+//! `tests/fuzz_seeds`.
 
 mod compensation;
 mod config;

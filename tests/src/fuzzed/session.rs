@@ -1,5 +1,6 @@
-//! Two hostile clients, lost and late ticks, disconnects, motion, mode changes, stop, re-arm: tick by tick T1 to T11, and what the
-//! model of the state machine says; once on messages, once on bytes through an endpoint.
+//! Two hostile clients, lost and late ticks, disconnects, motion, mode changes, stop, re-arm: tick
+//! by tick T1 to T11, and what the model of the state machine says; once on messages, once on bytes
+//! through an endpoint.
 
 use gantry_tau_proofs::scenario::{Scenario, endpoint_is_right, every_tick_is_right};
 

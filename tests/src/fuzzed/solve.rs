@@ -1,4 +1,5 @@
-//! Any bytes as lines for `solve`: one answer per line, in order, each an `ok` or an `error` of a known kind, every number finite.
+//! Any bytes as lines for `solve`: one answer per line, in order, each an `ok` or an `error` of a
+//! known kind, every number finite.
 
 use gantry_tau::solve::run;
 use serde_json::Value;
@@ -14,15 +15,14 @@ const KINDS: [&str; 8] = [
     "bad_request",
 ];
 
-/// The bytes are the lines. Lines that name a file are left out: what is in files is `config`'s business, and a fuzzer finds `/dev/zero`.
+/// The bytes are the lines. Lines that name a file are left out: what is in files is `config`'s
+/// business, and a fuzzer finds `/dev/zero`.
 pub fn solve(data: &[u8]) {
     let lines: Vec<&[u8]> = data.split_inclusive(|byte| *byte == b'\n').collect();
     let read: Vec<Option<Value>> = lines.iter().map(|line| parse(line)).collect();
-    let names_a_file = |line: &Option<Value>| {
-        let robot = line.as_ref().and_then(|line| line.get("robot"));
-        robot.is_some_and(Value::is_string)
-    };
-    if read.iter().any(names_a_file) {
+    let mut robots = read.iter().flatten().filter_map(|line| line.get("robot"));
+    // One that names a file.
+    if robots.any(Value::is_string) {
         return;
     }
     let answers = answers(data);
@@ -42,11 +42,18 @@ fn answers(data: &[u8]) -> Vec<Value> {
     let mut said = Vec::new();
     assert!(run(data, &mut said).is_ok(), "nothing in a line ends it");
     let said = String::from_utf8(said).unwrap();
-    said.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    said.lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
 }
 
 fn is_answer(answer: &Value) {
-    let keys: Vec<&str> = answer.as_object().unwrap().keys().map(String::as_str).collect();
+    let keys: Vec<&str> = answer
+        .as_object()
+        .unwrap()
+        .keys()
+        .map(String::as_str)
+        .collect();
     match answer.get("ok") {
         Some(ok) => {
             assert_eq!(keys, ["id", "ok"], "{answer}");

@@ -1,9 +1,11 @@
-//! LabComm decoded twice: by the crate, and by a second decoder that was written from `docs/labcomm.md` by somebody who had not read the
-//! crate.
+//! LabComm decoded twice: by the crate, and by a second decoder that was written from
+//! `docs/labcomm.md` by somebody who had not read the crate.
 
 pub mod second_decoder;
 
-use gantry_tau_labcomm::{Decoded, Decoder, Definition, ErrorKind, Kind, Leaf, MAX_VALUE, Malformed, Step, Walk};
+use gantry_tau_labcomm::{
+    Decoded, Decoder, Definition, ErrorKind, Kind, Leaf, MAX_VALUE, Malformed, Step, Walk,
+};
 
 use second_decoder::{Ending, Event, Type, Value};
 
@@ -12,11 +14,15 @@ type StreamDecoder = Box<Decoder<256, 65_536>>;
 
 /// Decodes a stream by both; fails if they find different events, or end differently.
 ///
-/// Where the bytes end within an item that is beyond a limit already, one may say so before the other: the page allows both.
+/// Where the bytes end within an item that is beyond a limit already, one may say so before the
+/// other: the page allows both.
 pub fn agree(stream: &[u8]) -> (Vec<Event>, Ending) {
     let (events, ending) = by_crate(stream);
     let (second_events, second_ending) = second_decoder::decode(stream);
-    assert_eq!(events, second_events, "events of {stream:02x?}: {ending:?}, {second_ending:?}");
+    assert_eq!(
+        events, second_events,
+        "events of {stream:02x?}: {ending:?}, {second_ending:?}"
+    );
     let same = match (&ending, &second_ending) {
         (Ending::Clean, Ending::Clean) | (Ending::Incomplete, Ending::Incomplete) => true,
         (Ending::Refused(_), Ending::Refused(_)) => true,
@@ -25,7 +31,10 @@ pub fn agree(stream: &[u8]) -> (Vec<Event>, Ending) {
         }
         _ => false,
     };
-    assert!(same, "{stream:02x?} ends with {ending:?}, by the second decoder {second_ending:?}");
+    assert!(
+        same,
+        "{stream:02x?} ends with {ending:?}, by the second decoder {second_ending:?}"
+    );
     (events, ending)
 }
 
@@ -41,7 +50,10 @@ pub fn by_crate(stream: &[u8]) -> (Vec<Event>, Ending) {
                 start += used;
             }
             Ok(Decoded::Need(least)) => {
-                assert!(least > stream.len() - start, "more is needed than there was");
+                assert!(
+                    least > stream.len() - start,
+                    "more is needed than there was"
+                );
                 return (events, Ending::Incomplete);
             }
             Err(error) => {
@@ -51,7 +63,10 @@ pub fn by_crate(stream: &[u8]) -> (Vec<Event>, Ending) {
                     "bytes that are missing are no error of a stream that goes on"
                 );
                 // A packed number of five bytes that goes on is beyond 32 bits already.
-                let is_limit = matches!(error.kind, ErrorKind::Limit(_) | ErrorKind::Malformed(Malformed::LargeNumber));
+                let is_limit = matches!(
+                    error.kind,
+                    ErrorKind::Limit(_) | ErrorKind::Malformed(Malformed::LargeNumber)
+                );
                 let limit = if is_limit { "limit: " } else { "" };
                 return (events, Ending::Refused(format!("{limit}{error}")));
             }
@@ -63,16 +78,33 @@ pub fn by_crate(stream: &[u8]) -> (Vec<Event>, Ending) {
 fn event_of(at: u64, event: &gantry_tau_labcomm::Event<'_, '_>) -> Event {
     use gantry_tau_labcomm::Event as Crate;
     match event {
-        Crate::Version(version) => Event::Version { at, text: version.text().unwrap().as_bytes().to_vec() },
+        Crate::Version(version) => Event::Version {
+            at,
+            text: version.text().unwrap().as_bytes().to_vec(),
+        },
         Crate::Define(definition) => {
             let (index, name, kind) = declaration(definition);
-            Event::Define { at, index, name, kind }
+            Event::Define {
+                at,
+                index,
+                name,
+                kind,
+            }
         }
         Crate::Reference(definition) => {
             let (index, name, kind) = declaration(definition);
-            Event::Reference { at, index, name, kind }
+            Event::Reference {
+                at,
+                index,
+                name,
+                kind,
+            }
         }
-        Crate::Data { definition, value } => Event::Data { at, index: definition.index, value: flat(value) },
+        Crate::Data { definition, value } => Event::Data {
+            at,
+            index: definition.index,
+            value: flat(value),
+        },
         Crate::Skipped(tag) => Event::Skip { at, tag: *tag },
     }
 }
@@ -84,18 +116,28 @@ fn declaration(of: &Definition<'_>) -> (u32, Vec<u8>, Type) {
 fn type_of(ty: &gantry_tau_labcomm::Type<'_>) -> Type {
     match ty.kind() {
         Kind::Primitive(primitive) => Type::Basic(primitive.code()),
-        Kind::Array(array) => Type::Array(array.indices().collect(), Box::new(type_of(&array.element()))),
-        Kind::Structure(structure) => {
-            Type::Struct(structure.fields().map(|(name, ty)| (name.to_vec(), type_of(&ty))).collect())
-        }
+        Kind::Array(array) => Type::Array(
+            array.indices().collect(),
+            Box::new(type_of(&array.element())),
+        ),
+        Kind::Structure(structure) => Type::Struct(
+            structure
+                .fields()
+                .map(|(name, ty)| (name.to_vec(), type_of(&ty)))
+                .collect(),
+        ),
     }
 }
 
-/// Leaves of a value, and the sizes that are in its bytes, in the order of the stream. The steps of the walk must be those of the type.
+/// Leaves of a value, and the sizes that are in its bytes, in the order of the stream. The steps of
+/// the walk must be those of the type.
 fn flat(value: &gantry_tau_labcomm::Value<'_, '_>) -> Vec<Value> {
     let (mut walk, mut out) = (value.walk(), Vec::new());
     flatten(&value.ty(), &mut walk, &mut out);
-    assert!(walk.step().unwrap().is_none() && walk.rest().is_empty(), "the walk ends with the value");
+    assert!(
+        walk.step().unwrap().is_none() && walk.rest().is_empty(),
+        "the walk ends with the value"
+    );
     out
 }
 
@@ -117,7 +159,11 @@ fn flatten(ty: &gantry_tau_labcomm::Type<'_>, walk: &mut Walk<'_, '_>, out: &mut
             (0..elements).for_each(|_| flatten(&element, walk, out));
         }
         (Kind::Structure(structure), Step::Structure(fields)) => {
-            assert_eq!(structure.fields().count(), usize::try_from(fields).unwrap(), "number of fields");
+            assert_eq!(
+                structure.fields().count(),
+                usize::try_from(fields).unwrap(),
+                "number of fields"
+            );
             for (name, field) in structure.fields() {
                 assert!(
                     matches!(walk.step().unwrap(), Some(Step::Field(of_walk)) if of_walk == name),
@@ -128,7 +174,10 @@ fn flatten(ty: &gantry_tau_labcomm::Type<'_>, walk: &mut Walk<'_, '_>, out: &mut
         }
         (_, step) => panic!("{step:?} is no step of {ty:?}"),
     }
-    assert!(matches!(walk.step().unwrap(), Some(Step::Leave)), "end of an array or a structure");
+    assert!(
+        matches!(walk.step().unwrap(), Some(Step::Leave)),
+        "end of an array or a structure"
+    );
 }
 
 fn leaf_of(leaf: Leaf<'_>) -> Value {

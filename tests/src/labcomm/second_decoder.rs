@@ -1,7 +1,9 @@
-//! A second decoder of LabComm streams, written from `docs/labcomm.md` alone, for comparison with the crate.
+//! A second decoder of LabComm streams, written from `docs/labcomm.md` alone, for comparison with
+//! the crate.
 //!
-//! It takes a whole stream at once. Whatever a stream says, memory and work stay within a fixed multiple of its length: values
-//! are flat lists in the order of the stream, so that neither structures within each other nor void fields cost anything.
+//! It takes a whole stream at once. For every stream memory and work stay within a fixed
+//! multiple of its length: values are flat lists in the order of the stream, so that neither
+//! structures within each other nor void fields cost anything.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -23,11 +25,25 @@ pub enum Event {
     /// Version packet.
     Version { at: u64, text: Vec<u8> },
     /// Definition of a sample, also one that repeats an earlier one.
-    Define { at: u64, index: u32, name: Vec<u8>, kind: Type },
+    Define {
+        at: u64,
+        index: u32,
+        name: Vec<u8>,
+        kind: Type,
+    },
     /// Packet 0x03, a type that sample references name.
-    Reference { at: u64, index: u32, name: Vec<u8>, kind: Type },
+    Reference {
+        at: u64,
+        index: u32,
+        name: Vec<u8>,
+        kind: Type,
+    },
     /// Value of a defined sample, flat: what `Value` lists, in the order of the stream.
-    Data { at: u64, index: u32, value: Vec<Value> },
+    Data {
+        at: u64,
+        index: u32,
+        value: Vec<Value>,
+    },
     /// Packet 0x04, 0x05 or 0x3f, or data of an index without a definition, which is then the tag.
     Skip { at: u64, tag: u32 },
 }
@@ -37,7 +53,8 @@ pub enum Event {
 pub enum Ending {
     /// Behind a whole item.
     Clean,
-    /// Within an item that was right so far. The contents of a packet of 2014 are judged only when all of them are there.
+    /// Within an item that was right so far. The contents of a packet of 2014 are judged only when
+    /// all of them are there.
     Incomplete,
     /// With an item that breaks a rule.
     Refused(String),
@@ -79,10 +96,23 @@ pub fn decode(stream: &[u8]) -> (Vec<Event>, Ending) {
         Some(0x00) => false,
         Some(0x01) => true,
         Some(0x02 | 0x0b) => return (events, refused("LabComm2013")),
-        Some(byte) => return (events, Ending::Refused(format!("no stream begins with {byte:02x}"))),
+        Some(byte) => {
+            return (
+                events,
+                Ending::Refused(format!("no stream begins with {byte:02x}")),
+            );
+        }
     };
     let known = BTreeMap::new();
-    let mut reader = Reader { stream, at: 0, packed, limit: u64::MAX, over: "", known, known_bytes: 0 };
+    let mut reader = Reader {
+        stream,
+        at: 0,
+        packed,
+        limit: u64::MAX,
+        over: "",
+        known,
+        known_bytes: 0,
+    };
     while reader.at < length(stream) {
         match reader.item() {
             Ok(event) => events.push(event),
@@ -101,7 +131,11 @@ struct Plan {
 
 enum Shape {
     Basic(u32),
-    Array { variable: u32, fixed: u64, element: Box<Plan> },
+    Array {
+        variable: u32,
+        fixed: u64,
+        element: Box<Plan>,
+    },
     Struct(Vec<Plan>),
 }
 
@@ -110,7 +144,8 @@ struct Reader<'a> {
     at: u64,
     /// 2014: numbers are packed, and packets state their length.
     packed: bool,
-    /// Offset that nothing may pass, beyond the end of the stream too, and what is wrong when something does.
+    /// Offset that nothing may pass, beyond the end of the stream too, and what is wrong when
+    /// something does.
     limit: u64,
     over: &'static str,
     /// What was defined so far, and the bytes of its names and types.
@@ -126,14 +161,21 @@ impl Reader<'_> {
         let at = self.at;
         (self.limit, self.over) = (u64::MAX, "");
         let tag = self.number()?;
-        let listed = if self.packed { matches!(tag, 0x01..=0x05 | 0x3f) } else { tag == 0x02 };
+        let listed = if self.packed {
+            matches!(tag, 0x01..=0x05 | 0x3f)
+        } else {
+            tag == 0x02
+        };
         if tag < 0x40 && !listed || tag == 0x01 && at > 0 {
             return Err(Ending::Refused(format!("tag {tag:#04x} at {at}")));
         }
         if self.packed {
             let bytes = u64::from(self.number()?);
             refuse_if(bytes > VALUE_BYTES, "packet over the limit")?;
-            (self.limit, self.over) = (self.at.saturating_add(bytes), "contents longer than the packet");
+            (self.limit, self.over) = (
+                self.at.saturating_add(bytes),
+                "contents longer than the packet",
+            );
             if self.limit > length(self.stream) {
                 return Err(Ending::Incomplete);
             }
@@ -141,22 +183,35 @@ impl Reader<'_> {
         let event = match tag {
             0x01 => {
                 let text = self.text(u32::MAX)?;
-                refuse_if(text != b"LabComm2014.v1" && text != b"LabComm2014", "version text")?;
+                refuse_if(
+                    text != b"LabComm2014.v1" && text != b"LabComm2014",
+                    "version text",
+                )?;
                 Event::Version { at, text }
             }
             0x02 => self.definition(at)?,
             0x03 => {
                 let (index, name, (kind, _), _) = self.declaration()?;
-                Event::Reference { at, index, name, kind }
+                Event::Reference {
+                    at,
+                    index,
+                    name,
+                    kind,
+                }
             }
             _ => match self.known.get(&tag).map(|(_, _, plan)| Rc::clone(plan)) {
                 Some(plan) => {
                     if !self.packed {
-                        (self.limit, self.over) = (self.at.saturating_add(VALUE_BYTES), "value over the limit");
+                        (self.limit, self.over) =
+                            (self.at.saturating_add(VALUE_BYTES), "value over the limit");
                     }
                     let mut value = Vec::new();
                     self.value(&plan, &mut value)?;
-                    Event::Data { at, index: tag, value }
+                    Event::Data {
+                        at,
+                        index: tag,
+                        value,
+                    }
                 }
                 None if self.packed => {
                     self.at = self.limit;
@@ -165,21 +220,36 @@ impl Reader<'_> {
                 None => return Err(refused("data without a definition")),
             },
         };
-        refuse_if(self.packed && self.at != self.limit, "contents shorter than the packet")?;
+        refuse_if(
+            self.packed && self.at != self.limit,
+            "contents shorter than the packet",
+        )?;
         Ok(event)
     }
 
     fn definition(&mut self, at: u64) -> Result<Event, Ending> {
         let (index, name, (kind, plan), bytes) = self.declaration()?;
         if let Some((known_name, known_kind, _)) = self.known.get(&index) {
-            refuse_if(*known_name != name || *known_kind != kind, "index defined twice, in two ways")?;
+            refuse_if(
+                *known_name != name || *known_kind != kind,
+                "index defined twice, in two ways",
+            )?;
         } else {
-            self.known_bytes = self.known_bytes.saturating_add(length(&name)).saturating_add(bytes);
+            self.known_bytes = self
+                .known_bytes
+                .saturating_add(length(&name))
+                .saturating_add(bytes);
             let over = self.known.len() >= DEFINITIONS || self.known_bytes > DEFINITION_BYTES;
             refuse_if(over, "definitions over the limit")?;
-            self.known.insert(index, (name.clone(), kind.clone(), Rc::new(plan)));
+            self.known
+                .insert(index, (name.clone(), kind.clone(), Rc::new(plan)));
         }
-        Ok(Event::Define { at, index, name, kind })
+        Ok(Event::Define {
+            at,
+            index,
+            name,
+            kind,
+        })
     }
 
     /// Reads what definitions and references have in common.
@@ -199,7 +269,10 @@ impl Reader<'_> {
         }
         let begin = self.at;
         let parts = self.kind(0, &mut 0)?;
-        refuse_if(self.packed && self.at != self.limit, "type shorter than stated")?;
+        refuse_if(
+            self.packed && self.at != self.limit,
+            "type shorter than stated",
+        )?;
         (self.limit, self.over) = outer;
         Ok((index, name, parts, self.at.saturating_sub(begin)))
     }
@@ -207,7 +280,9 @@ impl Reader<'_> {
     fn kind(&mut self, depth: u32, fields: &mut u32) -> Result<(Type, Plan), Ending> {
         let code = self.number()?;
         let least = match code {
-            0x10 | 0x11 if depth >= DEPTH => return Err(refused("too many types within each other")),
+            0x10 | 0x11 if depth >= DEPTH => {
+                return Err(refused("too many types within each other"));
+            }
             0x10 => return self.array(depth, fields),
             0x11 => return self.structure(depth, fields),
             0x20 | 0x21 => 1,
@@ -218,7 +293,13 @@ impl Reader<'_> {
             0x28 if self.packed => 4,
             _ => return Err(Ending::Refused(format!("type code {code:#04x}"))),
         };
-        Ok((Type::Basic(code), Plan { least, shape: Shape::Basic(code) }))
+        Ok((
+            Type::Basic(code),
+            Plan {
+                least,
+                shape: Shape::Basic(code),
+            },
+        ))
     }
 
     fn array(&mut self, depth: u32, fields: &mut u32) -> Result<(Type, Plan), Ending> {
@@ -242,7 +323,11 @@ impl Reader<'_> {
             _ => u64::from(variable).saturating_mul(self.number_bytes()),
         };
         refuse_if(least > VALUE_BYTES, "smallest value over the limit")?;
-        let shape = Shape::Array { variable, fixed, element: Box::new(plan) };
+        let shape = Shape::Array {
+            variable,
+            fixed,
+            element: Box::new(plan),
+        };
         Ok((Type::Array(sizes, Box::new(kind)), Plan { least, shape }))
     }
 
@@ -255,21 +340,32 @@ impl Reader<'_> {
             let name = self.text(u32::MAX)?;
             let (kind, plan) = self.kind(depth.saturating_add(1), fields)?;
             kinds.push((name, kind));
-            // Void is left out of the plan, lest an array of structures visits 255 void fields per byte.
+            // Void is left out of the plan, lest an array of structures visits 255 void fields per
+            // byte.
             if plan.least > 0 {
                 least = least.saturating_add(plan.least);
                 refuse_if(least > VALUE_BYTES, "smallest value over the limit")?;
                 plans.push(plan);
             }
         }
-        Ok((Type::Struct(kinds), Plan { least, shape: Shape::Struct(plans) }))
+        Ok((
+            Type::Struct(kinds),
+            Plan {
+                least,
+                shape: Shape::Struct(plans),
+            },
+        ))
     }
 
     fn value(&mut self, plan: &Plan, out: &mut Vec<Value>) -> Result<(), Ending> {
         match &plan.shape {
             Shape::Basic(basic) => out.push(self.basic(*basic)?),
             Shape::Struct(plans) => plans.iter().try_for_each(|part| self.value(part, out))?,
-            Shape::Array { variable, fixed, element } => {
+            Shape::Array {
+                variable,
+                fixed,
+                element,
+            } => {
                 // Saturated or not, a product with a size of 0 is 0.
                 let mut count = *fixed;
                 for _ in 0..*variable {
@@ -303,7 +399,7 @@ impl Reader<'_> {
     fn text(&mut self, most: u32) -> Result<Vec<u8>, Ending> {
         let bytes = self.number()?;
         refuse_if(bytes > most, "name over the limit")?;
-        Ok(self.take(u64::from(bytes))?.to_vec())
+        Ok(self.consume(u64::from(bytes))?.to_vec())
     }
 
     /// Bytes of the shortest number.
@@ -320,7 +416,10 @@ impl Reader<'_> {
         loop {
             let [byte] = self.fixed()?;
             // Checked before the shift: another group would push bits out of the number.
-            refuse_if(byte == 0x80 && number == 0 || number > u32::MAX >> 7, "packed number")?;
+            refuse_if(
+                byte == 0x80 && number == 0 || number > u32::MAX >> 7,
+                "packed number",
+            )?;
             number = number << 7 | u32::from(byte & 0x7f);
             if byte & 0x80 == 0 {
                 return Ok(number);
@@ -329,15 +428,17 @@ impl Reader<'_> {
     }
 
     fn fixed<const N: usize>(&mut self) -> Result<[u8; N], Ending> {
-        let bytes = self.take(u64::try_from(N).unwrap_or(u64::MAX))?;
+        let bytes = self.consume(u64::try_from(N).unwrap_or(u64::MAX))?;
         bytes.try_into().map_err(|_| Ending::Incomplete)
     }
 
-    fn take(&mut self, bytes: u64) -> Result<&[u8], Ending> {
+    fn consume(&mut self, bytes: u64) -> Result<&[u8], Ending> {
         self.room(bytes)?;
         let end = self.at.saturating_add(bytes);
         let range = usize::try_from(self.at).ok().zip(usize::try_from(end).ok());
-        let taken = range.and_then(|(begin, end)| self.stream.get(begin..end)).ok_or(Ending::Incomplete)?;
+        let taken = range
+            .and_then(|(begin, end)| self.stream.get(begin..end))
+            .ok_or(Ending::Incomplete)?;
         self.at = end;
         Ok(taken)
     }

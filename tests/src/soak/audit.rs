@@ -1,14 +1,16 @@
 //! Invariants of every tick of every server, judged by its output.
 //!
 //! The counters' relation, for every session and every tick of it:
-//! `received = accepted + late + duplicate + stale + malformed` while it runs, where `accepted` is how often the accepted sequence
-//! rose. From its end on there are also its farewells (Goodbyes and Stops), which only count as received, and at most one command
-//! that was fresh in the tick of the end and came to nothing. Every deadline is either met by an accepted command or missed.
+//! `received = accepted + late + duplicate + stale + malformed` while it runs, where `accepted` is
+//! how often the accepted sequence rose. From its end on there are also its farewells (Goodbyes and
+//! Stops), which only count as received, and at most one command that was fresh in the tick of the
+//! end and came to nothing. Every deadline is either met by an accepted command or missed.
 
 use gantry_tau_core::control::axis::{Offsets, Reference};
 use gantry_tau_core::control::message::{AxisLimits, Cause, Counters, Phase, State};
 use gantry_tau_core::control::monitor::Monitor;
 use gantry_tau_core::control::session::config::Travel;
+use gantry_tau_server::record::COUNTERS;
 
 use super::Summary;
 
@@ -45,12 +47,22 @@ impl<const N: usize> Audit<N> {
     pub fn new(limits: [AxisLimits; N], travel: [Travel; N]) -> Self {
         let steps = limits.map(|axis| axis.position.step().unsigned_abs());
         let external_limit_nm = steps.into_iter().max().unwrap_or(0).into();
-        let summary = Summary { external_limit_nm, ..Summary::default() };
-        Self { monitor: Monitor::new(limits, Some(travel)), last: None, accepted: 0, beyond: 0, summary }
+        let summary = Summary {
+            external_limit_nm,
+            ..Summary::default()
+        };
+        Self {
+            monitor: Monitor::new(limits, Some(travel)),
+            last: None,
+            accepted: 0,
+            beyond: 0,
+            summary,
+        }
     }
 
-    /// Received frames of the current or last session that are neither accepted nor counted as anything else:
-    /// zero while it runs, then its farewells and perhaps one command without effect.
+    /// Received frames of the current or last session that are neither accepted nor counted as
+    /// anything else: zero while it runs, then its farewells and perhaps one command without
+    /// effect.
     #[must_use]
     pub const fn beyond(&self) -> u64 {
         self.beyond
@@ -81,8 +93,15 @@ impl<const N: usize> Audit<N> {
     }
 
     /// Largest changes of the references.
-    fn measure_references(&mut self, before: &State<N>, references: &[Reference; N], seen: &Seen<'_, N>) {
-        for (axis, (old_reference, new_reference)) in references.iter().zip(seen.references).enumerate() {
+    fn measure_references(
+        &mut self,
+        before: &State<N>,
+        references: &[Reference; N],
+        seen: &Seen<'_, N>,
+    ) {
+        for (axis, (old_reference, new_reference)) in
+            references.iter().zip(seen.references).enumerate()
+        {
             let (old, new) = (&before.axes[axis], &seen.state.axes[axis]);
             let nominal = old.nominal.0.abs_diff(new.nominal.0);
             let change = old_reference.position.0.abs_diff(new_reference.position.0);
@@ -98,32 +117,48 @@ impl<const N: usize> Audit<N> {
         if seen.welcomed {
             self.accepted = 0;
             self.beyond = 0;
-            assert_eq!((state.accepted.0, *now), (0, Counters::default()), "a session begins at zero");
+            assert_eq!(
+                (state.accepted.0, *now),
+                (0, Counters::default()),
+                "a session begins at zero"
+            );
             return;
         }
         assert!(grown(&before.counters, now), "a counter went back");
         assert!(now.out_of_range <= now.malformed);
         assert!(state.accepted >= before.accepted);
         self.accepted += u64::from(state.accepted > before.accepted);
-        let counted =
-            self.accepted + [now.late, now.duplicate, now.stale, now.malformed].map(u64::from).iter().sum::<u64>();
+        let counted = self.accepted
+            + [now.late, now.duplicate, now.stale, now.malformed]
+                .map(u64::from)
+                .iter()
+                .sum::<u64>();
         let beyond = u64::from(now.received).checked_sub(counted);
         let beyond = beyond.expect("more is counted than was received");
         if is_live(state.phase) {
             assert_eq!(beyond, 0, "received and not counted: {state:?}");
-            assert!(now.longest_miss_run <= 1, "two misses in a row and still running");
+            assert!(
+                now.longest_miss_run <= 1,
+                "two misses in a row and still running"
+            );
         }
         assert!(beyond >= self.beyond);
         self.beyond = beyond;
     }
 }
 
-/// While commands are due, each deadline is met or missed; a session that ends for another reason has none in that tick.
+/// While commands are due, each deadline is met or missed; a session that ends for another reason
+/// has none in that tick.
 fn check_deadlines<const N: usize>(before: &State<N>, seen: &Seen<'_, N>) {
     let state = seen.state;
-    let late = [Cause::ClientLate, Cause::NetworkLate, Cause::ServerLate, Cause::Budget];
-    let due =
-        matches!(before.phase, Phase::Submit | Phase::Obtain) && seen.ended.is_none_or(|cause| late.contains(&cause));
+    let late = [
+        Cause::ClientLate,
+        Cause::NetworkLate,
+        Cause::ServerLate,
+        Cause::Budget,
+    ];
+    let due = matches!(before.phase, Phase::Submit | Phase::Obtain)
+        && seen.ended.is_none_or(|cause| late.contains(&cause));
     let missed = state.counters.missed - before.counters.missed * u32::from(!seen.welcomed);
     let skipped = seen.elapsed.max(1) - 1;
     if !due {
@@ -132,28 +167,15 @@ fn check_deadlines<const N: usize>(before: &State<N>, seen: &Seen<'_, N>) {
         let met = u32::from(state.accepted > before.accepted);
         assert_eq!(met + missed, 1 + skipped, "{state:?}");
     } else {
-        // A session that the server's own lateness ends accepts nothing any more, whatever came.
+        // A session that the server's own lateness ends accepts nothing that comes later.
         assert!((skipped..=1 + skipped).contains(&missed), "{state:?}");
     }
 }
 
 fn grown(before: &Counters, now: &Counters) -> bool {
-    let all = |c: &Counters| {
-        [
-            c.received,
-            c.missed,
-            c.late,
-            c.duplicate,
-            c.stale,
-            c.malformed,
-            c.out_of_range,
-            c.limited,
-            c.clamped,
-            c.non_owner,
-            u32::from(c.longest_miss_run),
-        ]
-    };
-    all(before).iter().zip(all(now)).all(|(old, new)| *old <= new)
+    COUNTERS
+        .iter()
+        .all(|(_, value)| value(before) <= value(now))
 }
 
 /// True if a session is running.

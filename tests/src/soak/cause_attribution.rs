@@ -1,4 +1,5 @@
-//! Causes of a session's end, explained by deeds of clients and faults of links. A cause without a reason is a bug.
+//! Causes of a session's end, explained by deeds of clients and faults of links. A cause without a
+//! reason is a bug.
 
 use std::time::Duration;
 
@@ -7,7 +8,8 @@ use gantry_tau_core::control::message::Cause;
 
 use super::BUDGET;
 
-/// Longest time from a fault or a deed to the end that it explains: the longest burst or stall, and some ticks.
+/// Longest time from a fault or a deed to the end that it explains: the longest burst or stall, and
+/// some ticks.
 const RECENT: Duration = Duration::from_millis(45);
 
 /// Deed of a client that ends its session.
@@ -29,7 +31,14 @@ pub enum ClientFault {
 
 impl ClientFault {
     /// Every one.
-    pub const ALL: [Self; 6] = [Self::Goodbye, Self::Stop, Self::Close, Self::Silence, Self::Flood, Self::Garbage];
+    pub const ALL: [Self; 6] = [
+        Self::Goodbye,
+        Self::Stop,
+        Self::Close,
+        Self::Silence,
+        Self::Flood,
+        Self::Garbage,
+    ];
 }
 
 /// Evidence about a session that ended. Times count from the link's beginning.
@@ -43,7 +52,7 @@ pub struct Evidence<'a> {
     pub down: &'a FaultStats,
     /// Last deed of the client, and its time.
     pub deed: Option<(ClientFault, Duration)>,
-    /// The client has closed, whatever it did last.
+    /// The client has closed.
     pub closed: bool,
     /// The link's own delay is longer than a tick, now and then.
     pub slow: bool,
@@ -60,21 +69,27 @@ impl Evidence<'_> {
     #[must_use]
     pub fn explains(&self, cause: Cause) -> bool {
         let since = self.at.saturating_sub(RECENT);
-        let did = |deed| self.deed.is_some_and(|(done, _)| done == deed);
-        let did_recently = self.deed.is_some_and(|(_, when)| when >= since);
-        let up = |fault| self.up.occurred_since(fault, since);
-        let down = |fault| self.down.occurred_since(fault, since);
-        let ever = |fault| self.up.faults.contains_key(&fault) || self.down.faults.contains_key(&fault);
         match cause {
-            Cause::Goodbye => did(ClientFault::Goodbye),
-            Cause::Stop => did(ClientFault::Stop) || self.stopped,
-            Cause::Closed => self.closed || ever(Fault::Reset),
-            Cause::Malformed => did(ClientFault::Garbage) || up(Fault::Corrupt) || up(Fault::Truncate),
+            Cause::Goodbye => self.did(ClientFault::Goodbye),
+            Cause::Stop => self.did(ClientFault::Stop) || self.stopped,
+            Cause::Closed => self.closed || self.has_ever_had(Fault::Reset),
+            Cause::Malformed => {
+                let on_the_way = [Fault::Corrupt, Fault::Truncate];
+                self.did(ClientFault::Garbage)
+                    || on_the_way
+                        .into_iter()
+                        .any(|fault| self.up.occurred_since(fault, since))
+            }
             Cause::Flood => {
                 let at_once = [Fault::Burst, Fault::Stall, Fault::Duplicate];
-                did(ClientFault::Flood) || at_once.into_iter().any(|fault| up(fault) || down(fault))
+                self.did(ClientFault::Flood)
+                    || at_once
+                        .into_iter()
+                        .any(|fault| self.had_since(fault, since))
             }
-            Cause::ClientLate | Cause::NetworkLate => did_recently || self.made_late(since),
+            Cause::ClientLate | Cause::NetworkLate => {
+                self.deed.is_some_and(|(_, when)| when >= since) || self.made_late(since)
+            }
             // Misses of the whole window count.
             Cause::Budget => {
                 let window = Duration::from_millis(BUDGET.window.into());
@@ -82,18 +97,35 @@ impl Evidence<'_> {
             }
             Cause::ServerLate => self.skipped,
             // The Welcome or every answer was lost, or the client never meant to answer.
-            Cause::HandshakeTimeout => self.deed.is_some() || Fault::ALL.into_iter().any(ever),
+            Cause::HandshakeTimeout => {
+                self.deed.is_some() || Fault::ALL.into_iter().any(|fault| self.has_ever_had(fault))
+            }
             Cause::Nominal => self.jumped,
             _ => false,
         }
     }
 
-    /// The link was slow, or something since then has made a frame late: any fault but one that has it come twice.
+    /// True if this was the client's last deed.
+    fn did(&self, deed: ClientFault) -> bool {
+        self.deed.is_some_and(|(done, _)| done == deed)
+    }
+
+    /// True if a link had this fault since then.
+    fn had_since(&self, fault: Fault, since: Duration) -> bool {
+        self.up.occurred_since(fault, since) || self.down.occurred_since(fault, since)
+    }
+
+    /// True if a link ever had this fault.
+    fn has_ever_had(&self, fault: Fault) -> bool {
+        self.up.faults.contains_key(&fault) || self.down.faults.contains_key(&fault)
+    }
+
+    /// The link was slow, or something since then has made a frame late: any fault but one that has
+    /// it come twice.
     fn made_late(&self, since: Duration) -> bool {
-        let late = |fault| {
-            fault != Fault::Duplicate
-                && (self.up.occurred_since(fault, since) || self.down.occurred_since(fault, since))
-        };
-        self.slow || Fault::ALL.into_iter().any(late)
+        let mut late = Fault::ALL
+            .into_iter()
+            .filter(|fault| *fault != Fault::Duplicate);
+        self.slow || late.any(|fault| self.had_since(fault, since))
     }
 }

@@ -1,4 +1,4 @@
-//! Clients of all characters: what they say to what they hear, whatever carries it.
+//! Clients of all characters: what they say to what they hear, over either transport.
 
 use std::time::Duration;
 
@@ -48,11 +48,19 @@ impl<const N: usize> Client<N> {
 
     /// Returns its first word.
     pub(super) fn hello(&mut self) -> Vec<u8> {
-        self.dialogue.hello().expect("nothing was said before").to_vec()
+        self.dialogue
+            .hello()
+            .expect("nothing was said before")
+            .to_vec()
     }
 
     /// Returns its answers to the bytes it receives.
-    pub(super) fn live(&mut self, now: Duration, heard: &[Vec<u8>], noise: &mut Noise) -> Vec<Vec<u8>> {
+    pub(super) fn live(
+        &mut self,
+        now: Duration,
+        heard: &[Vec<u8>],
+        noise: &mut Noise,
+    ) -> Vec<Vec<u8>> {
         let mut said = Vec::new();
         let last_heard = *self.last_heard.get_or_insert(now);
         if !heard.is_empty() {
@@ -68,14 +76,17 @@ impl<const N: usize> Client<N> {
                 match event {
                     Ok(Some(Event::State(_))) => said.extend(self.answer(now, noise)),
                     Ok(Some(Event::Refused(refusal))) => {
-                        // A corrupt Hello may be of another version; its axes are behind a checksum.
+                        // A corrupt Hello may be of another version; its axes are behind a
+                        // checksum.
                         assert!(!matches!(refusal, Refusal::Axes { .. }));
                         self.leave(now);
                     }
                     // Links say things twice.
                     Ok(_) | Err(ClientError::OldState { .. } | ClientError::Unexpected { .. }) => {}
                     // Links break frames, and fall silent in one direction.
-                    Err(ClientError::Frame(_) | ClientError::GoodbyeUnheard { .. }) => self.leave(now),
+                    Err(ClientError::Frame(_) | ClientError::GoodbyeUnheard { .. }) => {
+                        self.leave(now)
+                    }
                     Err(error) => panic!("the server breaks the protocol: {error}"),
                 }
             }
@@ -102,12 +113,25 @@ impl<const N: usize> Client<N> {
             Some(_) => return Vec::new(),
         }
         match self.deed {
-            ClientFault::Goodbye => self.dialogue.goodbye().iter().map(|frame| frame.to_vec()).collect(),
-            ClientFault::Stop => self.dialogue.stop().iter().map(|frame| frame.to_vec()).collect(),
+            ClientFault::Goodbye => self
+                .dialogue
+                .goodbye()
+                .iter()
+                .map(|frame| frame.to_vec())
+                .collect(),
+            ClientFault::Stop => self
+                .dialogue
+                .stop()
+                .iter()
+                .map(|frame| frame.to_vec())
+                .collect(),
             ClientFault::Flood => {
                 let first = self.command(noise);
                 let all = first.iter().flat_map(|first| {
-                    (0..12).map(move |ahead| Command { sequence: Sequence(first.sequence.0 + ahead), ..*first })
+                    (0..12).map(move |ahead| Command {
+                        sequence: Sequence(first.sequence.0 + ahead),
+                        ..*first
+                    })
                 });
                 all.map(|command| frame(&command)).collect()
             }
@@ -134,7 +158,10 @@ impl<const N: usize> Client<N> {
         let mut command = self.dialogue.answer(mode, &targets)?.command;
         // Beyond the limit now and then, never twice in a row: it costs the frame.
         if command.sequence.0 % 97 == 50 {
-            command.targets.iter_mut().for_each(|target| target.torque = TorquePermille(51));
+            command
+                .targets
+                .iter_mut()
+                .for_each(|target| target.torque = TorquePermille(51));
         }
         Some(command)
     }

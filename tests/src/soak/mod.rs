@@ -1,4 +1,5 @@
-//! Clients that come and go over links that do harm, for a long time: nothing jumps, nothing leaks, every end has its reason.
+//! Clients that come and go over links that do harm, for a long time: nothing jumps, nothing leaks,
+//! every end has its reason.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -22,7 +23,10 @@ use gantry_tau_core::control::session::config::MissBudget;
 use serde::Serialize;
 
 /// A budget of misses that a rough link exceeds and a clean one does not.
-pub const BUDGET: MissBudget = MissBudget { window: 100, allowed: 4 };
+pub const BUDGET: MissBudget = MissBudget {
+    window: 100,
+    allowed: 4,
+};
 
 /// Results of a soak. A property that does not hold ends it before.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -41,7 +45,8 @@ pub struct Summary {
     pub faults: BTreeMap<String, u64>,
     /// Frames that met the links.
     pub frames: u64,
-    /// Ends that no fault explains but this machine's own lateness; in simulated time there are none.
+    /// Ends that no fault explains but this machine's own lateness; in simulated time there are
+    /// none.
     pub machine_late: u64,
     /// Largest change of a reference in one tick, nm.
     pub largest_change_nm: u64,

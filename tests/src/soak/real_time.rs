@@ -1,5 +1,5 @@
-//! The server's own thread at 1 kHz with the simulated machine, clients over real sockets and relays that do harm.
-//! What must stay flat is looked at between sessions: memory, and open files.
+//! The server's own thread at 1 kHz with the simulated machine, clients over real sockets and
+//! relays that do harm. What must stay flat is looked at between sessions: memory, and open files.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -10,19 +10,20 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use gantry_tau::faults::relay::{LinkReport, Relay};
-use gantry_tau::model::{L2, L2_MOTORS};
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::server::cycle::{Cycle, Row};
-use gantry_tau::server::tick_source::TickSource;
-use gantry_tau::server::{Controls, Server};
-use gantry_tau::sim::load_generator::load_generator;
-use gantry_tau::sim::machine::SimulatedMachine;
-use gantry_tau::sim::parameters::Motion;
-use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_machine::model::{L2, L2_MOTORS};
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::cycle::Cycle;
+use gantry_tau_server::server::tick_source::TickSource;
+use gantry_tau_server::server::{Controls, Server};
+use gantry_tau_server::state::StopLatch;
+use gantry_tau_sim::load_generator::load_generator;
+use gantry_tau_sim::machine::SimulatedMachine;
 use serde::Serialize;
 
 use super::Summary;
@@ -40,7 +41,8 @@ const N: usize = 3;
 const SLACK: Duration = Duration::from_millis(150);
 /// Ticks in which a server hears everything that was sent to it before.
 const TICKS_TO_HEAR: u64 = 20;
-/// Growth of the resident memory that does not count as a leak, KiB: allocators and stacks of threads wander by some hundred.
+/// Growth of the resident memory that does not count as a leak, KiB: allocators and stacks of
+/// threads wander by some hundred.
 const MEMORY_SLACK_KIB: u64 = 2_048;
 
 /// Resources that the process holds.
@@ -100,7 +102,7 @@ struct End {
     skipped: bool,
 }
 
-/// Soaks for so long. `progress` is told the time that has passed.
+/// Soaks for so long. `progress` is given the time that has passed.
 #[must_use]
 pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) -> Minutes {
     let before = Footprint::now();
@@ -113,14 +115,21 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
         .map(|index| {
             let plan = plan(index % KINDS, &mut noise, Transport::Stream);
             let slow = is_slow(&plan);
-            let (relay, ended) = Relay::spawn(LOOPBACK, server.address, Transport::Stream, plan).unwrap();
+            let (relay, ended) =
+                Relay::spawn(LOOPBACK, server.address, Transport::Stream, plan).unwrap();
             (slow, relay, ended)
         })
         .collect();
     let quit = Arc::new(AtomicBool::new(false));
     let others = others(server.address, &quit);
     let since = Instant::now();
-    let mut soak = Soak { watch, ends, noise, connections: 0, summary: Summary::default() };
+    let mut soak = Soak {
+        watch,
+        ends,
+        noise,
+        connections: 0,
+        summary: Summary::default(),
+    };
     let mut marks = [None; 10];
     while since.elapsed() < duration {
         let (slow, relay, ended) = &relays[soak.noise.below(relays.len())];
@@ -132,9 +141,21 @@ pub fn run(duration: Duration, seed: u64, mut progress: impl FnMut(Duration)) ->
     let others = others.join().unwrap();
     drop(relays);
     assert_eq!(server.quit().unwrap(), 0, "rows lost before the observer");
-    let Summary { ends, faults, frames, machine_late, .. } = soak.summary;
+    let Summary {
+        ends,
+        faults,
+        frames,
+        machine_late,
+        ..
+    } = soak.summary;
     let minutes = Minutes {
-        summary: Summary { ends, faults, frames, machine_late, ..observer.join().unwrap() },
+        summary: Summary {
+            ends,
+            faults,
+            frames,
+            machine_late,
+            ..observer.join().unwrap()
+        },
         connections: soak.connections,
         others,
         before,
@@ -150,17 +171,23 @@ impl Minutes {
     /// Neither memory nor open files have grown; at the end every file is closed.
     fn check(&self) {
         if let (Some(early), Some(late)) = (self.early, self.late) {
-            // Fewest within a minute: others that are waited for may be among them, never more than there is room for.
+            // Fewest within a minute: others that are waited for may be among them, never more than
+            // there is room for.
             let most = early.files + u64::try_from(CONNECTIONS).unwrap();
             assert!(late.files <= most, "open files leak: {self:?}");
             let most = early.memory_kib + MEMORY_SLACK_KIB;
-            // A sanitizer's shadow is memory too, and grows with every page that is touched for the first time.
+            // A sanitizer's shadow is memory too, and grows with every page that is touched for the
+            // first time.
             let sanitized = std::env::var_os("GANTRY_TAU_SANITIZED").is_some();
-            assert!(sanitized || late.memory_kib <= most, "memory leaks: {self:?}");
+            assert!(
+                sanitized || late.memory_kib <= most,
+                "memory leaks: {self:?}"
+            );
         }
-        let files = |footprint: Option<Footprint>| footprint.map(|footprint| footprint.files);
-        assert!(files(self.after).is_some() == files(self.before).is_some(), "{self:?}");
-        assert!(files(self.after) <= files(self.before), "{self:?}");
+        let [before, after] =
+            [self.before, self.after].map(|footprint| footprint.map(|footprint| footprint.files));
+        assert!(after.is_some() == before.is_some(), "{self:?}");
+        assert!(after <= before, "{self:?}");
     }
 }
 
@@ -175,7 +202,7 @@ fn mark(marks: &mut [Option<Footprint>; 10], elapsed: Duration, duration: Durati
     }));
 }
 
-type Rows = rtrb::Consumer<Row<N>>;
+type Rows = rtrb::Consumer<TickRecord<N>>;
 
 fn server() -> (Server<N>, Rows, Audit<N>) {
     let robot = RobotFile::<L2, N>::builtin_l2().unwrap();
@@ -190,13 +217,23 @@ fn server() -> (Server<N>, Rows, Audit<N>) {
         dwell_cycles: 500,
     };
     let (_, tool) = load_generator();
-    let machine = robot.simulated_machine::<L2_MOTORS>(tool, motion).unwrap();
+    let machine = SimulatedMachine::<3, L2_MOTORS>::from_robot(&robot, tool, motion).unwrap();
     let config = robot.session_config(Capabilities::NONE).unwrap();
     let axes = config.parameters().axes;
-    let audit = Audit::new(axes.map(|axis| axis.limits), axes.map(|axis| axis.machine_travel));
+    let audit = Audit::new(
+        axes.map(|axis| axis.limits),
+        axes.map(|axis| axis.machine_travel),
+    );
     let motors = robot.motor_map().unwrap();
-    let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> =
-        Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK).unwrap();
+    let cycle: Cycle<N, L2_MOTORS, SimulatedMachine<N, L2_MOTORS>> = Cycle::new(
+        config,
+        motors,
+        machine,
+        EpochRange::VOLATILE,
+        StopLatch::volatile(),
+        LOOPBACK,
+    )
+    .unwrap();
     let (server, rows) = Server::spawn(cycle, TickSource::RealTime).unwrap();
     (server, rows, audit)
 }
@@ -213,7 +250,7 @@ fn observe(
     std::thread::spawn(move || {
         let mut skipped = false;
         loop {
-            let row: Row<N> = match rows.pop() {
+            let row: TickRecord<N> = match rows.pop() {
                 Ok(row) => row,
                 Err(_) if rows.is_abandoned() && rows.is_empty() => return audit.summary,
                 Err(_) => {
@@ -262,7 +299,9 @@ impl Soak {
         // A relay whose server has no room closes at once.
         let peer = live(address, &mut client, began, &mut self.noise);
         self.connections += 1;
-        let link = ended.recv_timeout(DEADLINE).expect("a link that does not end");
+        let link = ended
+            .recv_timeout(DEADLINE)
+            .expect("a link that does not end");
         assert_eq!(link.peer, peer);
         self.summary.link(&link.up);
         self.summary.link(&link.down);
@@ -288,20 +327,39 @@ impl Soak {
             if evidence.explains(end.cause) {
                 continue;
             }
-            // Two cores shared with everything else: what is late without a fault is so by itself, and counted.
-            let late = [Cause::ClientLate, Cause::NetworkLate, Cause::ServerLate, Cause::Flood];
-            assert!(late.contains(&end.cause), "{:?} without a reason: {evidence:?}", end.cause);
+            // Two cores shared with everything else: what is late without a fault is so by itself,
+            // and counted.
+            let late = [
+                Cause::ClientLate,
+                Cause::NetworkLate,
+                Cause::ServerLate,
+                Cause::Flood,
+            ];
+            assert!(
+                late.contains(&end.cause),
+                "{:?} without a reason: {evidence:?}",
+                end.cause
+            );
             self.summary.machine_late += 1;
         }
     }
 }
 
 /// Connects, says Hello, and lives until it has left or was left. Returns its own address.
-fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut Noise) -> SocketAddr {
+fn live(
+    address: SocketAddr,
+    client: &mut Client<N>,
+    began: Instant,
+    noise: &mut Noise,
+) -> SocketAddr {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_nodelay(true).unwrap();
-    stream.set_read_timeout(Some(Duration::from_millis(5))).unwrap();
-    stream.set_write_timeout(Some(Duration::from_millis(200))).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_millis(5)))
+        .unwrap();
+    stream
+        .set_write_timeout(Some(Duration::from_millis(200)))
+        .unwrap();
     let own = stream.local_addr().unwrap();
     let mut buffer = [0; 4_096];
     let mut alive = stream.write_all(&client.hello()).is_ok();
@@ -310,7 +368,10 @@ fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut
             Ok(0) => break,
             Ok(count) => vec![buffer[..count].to_vec()],
             Err(error)
-                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) =>
+                if matches!(
+                    error.kind(),
+                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+                ) =>
             {
                 Vec::new()
             }
@@ -324,7 +385,8 @@ fn live(address: SocketAddr, client: &mut Client<N>, began: Instant, noise: &mut
     own
 }
 
-/// Connections that never get a session: Hellos of another machine, noise, silence; some leave at once.
+/// Connections that never get a session: Hellos of another machine, noise, silence; some leave at
+/// once.
 fn others(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
     let quit = Arc::clone(quit);
     std::thread::spawn(move || {
@@ -341,7 +403,9 @@ fn others(address: SocketAddr, quit: &Arc<AtomicBool>) -> JoinHandle<u64> {
                 1 => stream.write_all(&noise.bytes(100)),
                 _ => Ok(()),
             };
-            std::thread::sleep(Duration::from_millis(u64::try_from(noise.below(60)).unwrap()));
+            std::thread::sleep(Duration::from_millis(
+                u64::try_from(noise.below(60)).unwrap(),
+            ));
         }
         count
     })

@@ -1,5 +1,5 @@
-//! A server in this process, ticks that are simulated milliseconds, clients over mangled links; the same on every machine.
-//! Three axes or six, in the thesis profile or with a budget of misses.
+//! A server in this process, ticks that are simulated milliseconds, clients over mangled links; the
+//! same on every machine. Three axes or six, in the thesis profile or with a budget of misses.
 //!
 //! What the server is fed is counted beside it; its `received` must say the same.
 
@@ -28,7 +28,8 @@ const MS: Duration = Duration::from_millis(1);
 /// Clients at once, one more than there is room for.
 const CLIENTS: usize = 7;
 
-/// Runs a server of `N` axes for so many ticks, with or without a budget of misses. `progress` is told each of them.
+/// Runs a server of `N` axes for so many ticks, with or without a budget of misses. `progress` is
+/// given each of them.
 #[must_use]
 pub fn run<const N: usize>(
     budget: Option<MissBudget>,
@@ -41,7 +42,9 @@ pub fn run<const N: usize>(
         world.tick(tick);
         progress(tick);
     }
-    let World { mut audit, links, .. } = world;
+    let World {
+        mut audit, links, ..
+    } = world;
     for link in &links {
         link.add_to(&mut audit.summary);
     }
@@ -60,7 +63,10 @@ struct World<const N: usize> {
 
 impl<const N: usize> World<N> {
     fn new(budget: Option<MissBudget>, seed: u64) -> Self {
-        let parameters = Parameters { budget, ..parameters::<N>() };
+        let parameters = Parameters {
+            budget,
+            ..parameters::<N>()
+        };
         let nominal = [PositionNm(0); N];
         let config = Config::new(parameters).unwrap();
         let session = Session::new(config, &Start::at_rest(nominal)).unwrap();
@@ -71,7 +77,10 @@ impl<const N: usize> World<N> {
                 MotorMap::new(std::array::from_fn(|axis| axis)).unwrap(),
                 EpochRange::VOLATILE,
             ),
-            audit: Audit::new(parameters.axes.map(|axis| axis.limits), parameters.axes.map(|axis| axis.machine_travel)),
+            audit: Audit::new(
+                parameters.axes.map(|axis| axis.limits),
+                parameters.axes.map(|axis| axis.machine_travel),
+            ),
             links: Vec::new(),
             opened: 0,
             nominal,
@@ -107,7 +116,14 @@ impl<const N: usize> World<N> {
         };
         let kind = self.noise.below(KINDS);
         let plan = plan(kind, &mut self.noise, transport);
-        let link = Link::open(connection, transport, &plan, self.opened, now, &mut self.noise);
+        let link = Link::open(
+            connection,
+            transport,
+            &plan,
+            self.opened,
+            now,
+            &mut self.noise,
+        );
         self.links.push(link);
         self.opened += 1;
     }
@@ -133,7 +149,11 @@ impl<const N: usize> World<N> {
         let owner = self.endpoint.session().owner();
         let stopped = self.one_in(20_000);
         let jumped = self.one_in(30_000);
-        let elapsed = if self.one_in(3_000) { 2 + self.noise.below(2) } else { 1 };
+        let elapsed = if self.one_in(3_000) {
+            2 + self.noise.below(2)
+        } else {
+            1
+        };
         self.move_nominal(jumped);
         let input = TickInput {
             elapsed_cycles: elapsed.try_into().unwrap(),
@@ -176,7 +196,10 @@ impl<const N: usize> World<N> {
                         stopped,
                         jumped,
                     };
-                    assert!(evidence.explains(cause), "{cause:?} without a reason: {evidence:?}");
+                    assert!(
+                        evidence.explains(cause),
+                        "{cause:?} without a reason: {evidence:?}"
+                    );
                     self.audit.summary.end(cause);
                 }
             }
@@ -295,7 +318,8 @@ impl<const N: usize> Link<N> {
     }
 }
 
-/// Counts what a server is fed on one connection, without its deframer's slot, session or classifier.
+/// Counts what a server is fed on one connection, without its deframer's slot, session or
+/// classifier.
 #[derive(Default)]
 struct Tap<const N: usize> {
     deframer: Deframer,
@@ -312,7 +336,11 @@ struct Tap<const N: usize> {
 impl<const N: usize> Tap<N> {
     /// The session of this connection begins.
     fn begin(&mut self, epoch: Epoch) {
-        *self = Self { deframer: std::mem::take(&mut self.deframer), epoch: Some(epoch), ..Self::default() };
+        *self = Self {
+            deframer: std::mem::take(&mut self.deframer),
+            epoch: Some(epoch),
+            ..Self::default()
+        };
     }
 
     fn next_tick(&mut self) {
@@ -359,7 +387,8 @@ impl<const N: usize> Tap<N> {
         }
     }
 
-    /// The server has counted as much, and what it has no other name for are farewells and at most one command.
+    /// The server has counted as much, and what it has no other name for are farewells and at most
+    /// one command.
     fn check(&self, state: &State<N>, beyond: u64) {
         if self.epoch != Some(state.epoch) {
             return;
@@ -373,7 +402,8 @@ impl<const N: usize> Tap<N> {
     }
 }
 
-/// Every cause that clients, links and machine can bring about here; with a budget of misses there is [`Cause::Budget`] as well.
+/// Every cause that clients, links and machine can bring about here; with a budget of misses there
+/// is [`Cause::Budget`] as well.
 pub const CAUSES: [Cause; 10] = [
     Cause::ClientLate,
     Cause::NetworkLate,

@@ -1,26 +1,27 @@
-//! The real client against a real server in lock-step, with a force sensor that lies or falls silent: it leaves in good order
-//! and says why, instead of compensating a force that is not measured.
+//! The real client against a real server in lock-step, with a force sensor that lies or falls
+//! silent: it leaves in good order and says why, instead of compensating a force that is not
+//! measured.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions, ClientReport};
-use gantry_tau::model::L2_MOTORS;
-use gantry_tau::plant::{Plant, PlantError, Reading};
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::sensor_link::{Sample, SensorPublisher};
-use gantry_tau::server::Server;
-use gantry_tau::server::cycle::Cycle;
-use gantry_tau::server::tick_source::TickSource;
-use gantry_tau::sim::load_generator::load_generator;
-use gantry_tau::sim::machine::SimulatedMachine;
-use gantry_tau::sim::parameters::Motion;
-use gantry_tau::state::StopLatch;
+use gantry_tau_client::{self, ClientControls, ClientError, ClientOptions, ClientReport};
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_machine::model::L2_MOTORS;
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::plant::{Plant, PlantError, Reading};
+use gantry_tau_server::server::Server;
+use gantry_tau_server::server::cycle::Cycle;
+use gantry_tau_server::server::tick_source::TickSource;
+use gantry_tau_server::state::StopLatch;
+use gantry_tau_sim::load_generator::load_generator;
+use gantry_tau_sim::machine::SimulatedMachine;
 
 /// Samples the tare of these tests takes.
 const TARE: u32 = 50;
@@ -29,7 +30,8 @@ const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 /// A sensor's sample of each tick.
 type Lie = fn(u64) -> Option<Sample>;
 
-/// The simulated machine, with a sensor that sends what `lie` makes of each tick, in the cycle as an honest one would.
+/// The simulated machine, with a sensor that sends what `lie` makes of each tick, in the cycle as
+/// an honest one would.
 struct Liar {
     machine: SimulatedMachine<ARMS, L2_MOTORS>,
     sensor: SensorPublisher,
@@ -38,6 +40,8 @@ struct Liar {
 }
 
 impl Plant<ARMS, L2_MOTORS> for Liar {
+    type Error = PlantError;
+
     fn in_force(&mut self) -> Result<[InForce; ARMS], PlantError> {
         self.machine.in_force()
     }
@@ -51,13 +55,17 @@ impl Plant<ARMS, L2_MOTORS> for Liar {
         self.machine.read(elapsed)
     }
 
-    fn write(&mut self, references: &[Reference; L2_MOTORS], parts: &[InForce; ARMS]) -> Result<(), PlantError> {
+    fn write(
+        &mut self,
+        references: &[Reference; L2_MOTORS],
+        parts: &[InForce; ARMS],
+    ) -> Result<(), PlantError> {
         self.machine.write(references, parts)
     }
 }
 
-/// Runs a client whose sensor lies, until it ends or, from a tick on, is told to quit. Returns its result, whether it reached Obtain, and the
-/// last tick of the session.
+/// Runs a client whose sensor lies, until it ends or, from a tick on, is asked to quit. Returns its
+/// result, whether it reached Obtain, and the last tick of the session.
 fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, u64) {
     let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
@@ -66,14 +74,21 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
     let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
     let motors = robot.motor_map().unwrap();
     let liar = Liar {
-        machine: robot.simulated_machine(tool, Motion::Hold).unwrap(),
+        machine: SimulatedMachine::from_robot(&robot, tool, Motion::Hold).unwrap(),
         sensor: SensorPublisher::bind(loopback).unwrap(),
         lie,
         reads: 0,
     };
     let sensor = liar.sensor.address().unwrap();
-    let cycle: Cycle<ARMS, L2_MOTORS, _> =
-        Cycle::new(config, motors, liar, EpochRange::VOLATILE, StopLatch::volatile(), loopback).unwrap();
+    let cycle: Cycle<ARMS, L2_MOTORS, _> = Cycle::new(
+        config,
+        motors,
+        liar,
+        EpochRange::VOLATILE,
+        StopLatch::volatile(),
+        loopback,
+    )
+    .unwrap();
     let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address.into(),
@@ -85,7 +100,7 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
     };
     let controls = Arc::new(ClientControls::default());
     let told = Arc::clone(&controls);
-    let client = std::thread::spawn(move || client::run(&options, &told));
+    let client = std::thread::spawn(move || gantry_tau_client::run(&options, &told));
     let mut obtained = false;
     let (mut ended, mut last) = (None, 0);
     while ended.is_none() {
@@ -101,9 +116,13 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
     assert_eq!(ended, Some(Cause::Goodbye), "it leaves in good order");
     let result = client.join().unwrap();
     if let Ok(report) = &result {
-        // Every State has its Command, but the last one, and that of the Goodbye, which may also follow a Command at once.
+        // Every State has its Command, but the last one, and that of the Goodbye, which may also
+        // follow a Command at once.
         let commands = controls.commands.load(Ordering::Relaxed);
-        assert!((1..=2).contains(&(report.states - commands)), "{commands} {report:?}");
+        assert!(
+            (1..=2).contains(&(report.states - commands)),
+            "{commands} {report:?}"
+        );
     }
     server.quit().unwrap();
     (result, obtained, last)
@@ -117,11 +136,20 @@ fn honest(tick: u64) -> Sample {
 #[test]
 fn a_sensor_that_lies_or_falls_silent_is_left() {
     fn nan_later(tick: u64) -> Option<Sample> {
-        let wrench = if tick > 2_000 { [f64::NAN; 6] } else { honest(tick).wrench };
+        let wrench = if tick > 2_000 {
+            [f64::NAN; 6]
+        } else {
+            honest(tick).wrench
+        };
         Some(Sample { tick, wrench })
     }
     let cases: [(&str, Lie, bool, &str); 5] = [
-        ("freezes", |tick| Some(honest(tick.min(2_000))), true, "none has come for too long"),
+        (
+            "freezes",
+            |tick| Some(honest(tick.min(2_000))),
+            true,
+            "none has come for too long",
+        ),
         ("says NaN", nan_later, true, "could not be used"),
         (
             "gets another clock",
@@ -130,19 +158,28 @@ fn a_sensor_that_lies_or_falls_silent_is_left() {
             "not the server's",
         ),
         ("never speaks", |_| None, false, "none has come"),
-        ("repeats one sample", |tick| Some(honest(tick.min(5))), false, "none has come for too long"),
+        (
+            "repeats one sample",
+            |tick| Some(honest(tick.min(5))),
+            false,
+            "none has come for too long",
+        ),
     ];
     for (case, lie, obtains, reason) in cases {
         let (result, obtained, _) = session(lie, u64::MAX);
         let error = result.unwrap_err();
         assert_eq!(obtained, obtains, "{case}");
-        assert!(matches!(error, ClientError::SensorSilent(_)), "{case}: {error}");
+        assert!(
+            matches!(error, ClientError::SensorSilent(_)),
+            "{case}: {error}"
+        );
         assert!(error.to_string().contains(reason), "{case}: {error}");
         assert_eq!(error.exit_code(), 8, "{case}");
     }
 }
 
-/// Bad samples now and then, each time fewer than end a session and together more: the last correction is held, and every one is counted.
+/// Bad samples now and then, each time fewer than end a session and together more: the last
+/// correction is held, and every one is counted.
 #[test]
 fn short_bursts_of_bad_samples_are_tolerated() {
     const BURST: u64 = 90;
@@ -150,7 +187,11 @@ fn short_bursts_of_bad_samples_are_tolerated() {
         tick > 2_000 && tick % 500 < BURST
     }
     let lie: Lie = |tick| {
-        let wrench = if is_bad(tick) { [f64::NAN; 6] } else { honest(tick).wrench };
+        let wrench = if is_bad(tick) {
+            [f64::NAN; 6]
+        } else {
+            honest(tick).wrench
+        };
         Some(Sample { tick, wrench })
     };
     let (result, obtained, last) = session(lie, 6_000);
@@ -158,5 +199,9 @@ fn short_bursts_of_bad_samples_are_tolerated() {
     assert!(obtained);
     let bad: u64 = (0..last).map(|tick| u64::from(is_bad(tick))).sum();
     // The last State is answered with Goodbye.
-    assert!(bad > 2 * BURST && bad.abs_diff(report.held) <= 1, "{} of {bad}: {report:?}", report.held);
+    assert!(
+        bad > 2 * BURST && bad.abs_diff(report.held) <= 1,
+        "{} of {bad}: {report:?}",
+        report.held
+    );
 }

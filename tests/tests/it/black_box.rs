@@ -1,12 +1,14 @@
-//! Black boxes of real sessions over real sockets: handed over once, whatever ends them, and replayed bit for bit (T11).
+//! Black boxes of real sessions over real sockets: handed over once, for any end, and
+//! replayed bit for bit (T11).
 
-use gantry_tau::black_box::HALF;
-use gantry_tau::black_box::Window;
-use gantry_tau::black_box::swap_channel::Receiver;
-use gantry_tau::black_box::writer::Writer;
 use gantry_tau::replay::Findings;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase};
 use gantry_tau_core::control::session::LastWrite;
+use gantry_tau_record::black_box;
+use gantry_tau_record::black_box::writer::BlackBoxWriter;
+use gantry_tau_server::black_box::HALF;
+use gantry_tau_server::black_box::Window;
+use gantry_tau_server::black_box::swap_channel::Receiver;
 use gantry_tau_tests::server_fixture::{NOMINAL_STEP_NM, ServerFixture};
 use gantry_tau_tests::session_fixture::SessionFixture;
 
@@ -20,15 +22,19 @@ fn obtained<const N: usize>(positions: [i32; N]) -> (SessionFixture<N>, Receiver
     (session, windows)
 }
 
-/// The window that has been handed over: it ended because of `cause`, its file is read back as it was, and it replays.
+/// The window that has been handed over: it ended because of `cause`, its file is read back as it
+/// was, and it replays.
 fn assert_window<const N: usize>(windows: &mut Receiver<N>, cause: Option<Cause>) -> Window<N> {
     let window = windows.receive().expect("no black box was handed over");
     assert_eq!(window.end().cause, cause);
-    let text = window.encode();
-    let read = Window::decode(&window.file_name(), text.as_bytes()).unwrap();
+    let text = black_box::encode(&window);
+    let read = black_box::decode(&window.file_name(), text.as_bytes()).unwrap();
     assert_eq!(read, window);
     let findings = Findings::of(&read);
-    assert_eq!((findings.agreeing, findings.difference), (findings.ticks, None));
+    assert_eq!(
+        (findings.agreeing, findings.difference),
+        (findings.ticks, None)
+    );
     window
 }
 
@@ -74,13 +80,17 @@ fn a_newcomer_does_not_cost_the_evidence() {
     let session = SessionFixture::greeted(server);
     let window = assert_window(&mut windows, Some(Cause::Goodbye));
     let last = &window.entries.last().unwrap().output;
-    assert!(last.welcome.is_some(), "the newcomer's tick belongs to the old box");
+    assert!(
+        last.welcome.is_some(),
+        "the newcomer's tick belongs to the old box"
+    );
     assert_eq!(last.state.epoch, session.client.epoch);
     assert_eq!(window.end().epoch.0 + 1, session.client.epoch.0);
     assert_nothing(&mut windows);
 }
 
-/// Refused references end the session in the tick after. They are an input, so one window shows what led there and what followed.
+/// Refused references end the session in the tick after. They are an input, so one window shows
+/// what led there and what followed.
 #[test]
 fn a_window_goes_on_across_refused_references() {
     let (mut session, mut windows) = obtained([5_000; 3]);
@@ -90,7 +100,10 @@ fn a_window_goes_on_across_refused_references() {
     session.server.bus.record().write_fails = false;
     session.server.receive();
     let row = session.server.step();
-    assert_eq!((row.state.phase, row.ended), (Phase::Fault, Some(Cause::Stop)));
+    assert_eq!(
+        (row.state.phase, row.ended),
+        (Phase::Fault, Some(Cause::Stop))
+    );
     assert_nothing(&mut windows);
     for _ in 0..HALF {
         session.server.step();
@@ -99,17 +112,25 @@ fn a_window_goes_on_across_refused_references() {
     let end = window.end();
     assert_eq!(end.tick, row.state.tick);
     assert!(end.index >= HALF, "{} ticks before the cause", end.index);
-    let inputs: Vec<_> = window.entries[end.index..].iter().map(|entry| entry.input.tick.last_write).collect();
+    let inputs: Vec<_> = window.entries[end.index..]
+        .iter()
+        .map(|entry| entry.input.tick.last_write)
+        .collect();
     assert!(
         matches!(inputs[0], LastWrite::Refused { in_force } if in_force[0].offsets.position.0 == 5_000),
         "{:?}",
         inputs[0]
     );
-    assert!(inputs[1..].iter().all(|last_write| *last_write == LastWrite::Accepted));
+    assert!(
+        inputs[1..]
+            .iter()
+            .all(|last_write| *last_write == LastWrite::Accepted)
+    );
     assert_nothing(&mut windows);
 }
 
-/// Until a machine that took no references tells what it has in force, nothing is written and a re-arm does nothing.
+/// Until a machine that took no references tells what it has in force, nothing is written and a
+/// re-arm does nothing.
 #[test]
 fn a_window_goes_on_across_an_outage() {
     let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
@@ -120,20 +141,29 @@ fn a_window_goes_on_across_an_outage() {
     server.bus.record().offsets_fail = true;
     let writes = server.bus.writes();
     let row = server.step();
-    assert_eq!((row.state.phase, row.ended), (Phase::Fault, Some(Cause::Stop)));
+    assert_eq!(
+        (row.state.phase, row.ended),
+        (Phase::Fault, Some(Cause::Stop))
+    );
     assert!((0..3).all(|_| server.step_rearmed().plant_failed));
     assert_eq!(server.bus.writes(), writes);
     server.bus.record().offsets_fail = false;
     // The outage asserts the stop until the machine has been read back.
     let row = server.step_rearmed();
-    assert_eq!((row.plant_failed, row.state.phase, server.bus.writes()), (false, Phase::Fault, writes + 1));
+    assert_eq!(
+        (row.plant_failed, row.state.phase, server.bus.writes()),
+        (false, Phase::Fault, writes + 1)
+    );
     assert_eq!(server.step_rearmed().state.phase, Phase::Listening);
     for _ in 0..HALF {
         server.step();
     }
     let window = assert_window(&mut windows, Some(Cause::Stop));
     assert_eq!(window.end().index, 2);
-    let fates: Vec<_> = window.entries[2..].iter().map(|entry| entry.input.tick.last_write).collect();
+    let fates: Vec<_> = window.entries[2..]
+        .iter()
+        .map(|entry| entry.input.tick.last_write)
+        .collect();
     assert_eq!(fates[..4], [LastWrite::Unknown; 4]);
     assert!(matches!(fates[4], LastWrite::Refused { .. }));
     assert_eq!(fates[5], LastWrite::Accepted);
@@ -176,12 +206,13 @@ fn passed_by(server: ServerFixture<3>) -> (ServerFixture<3>, u64) {
     (server, epoch)
 }
 
-/// Found by attack: after 1 000 black boxes a run wrote no more, and 1 005 times Hello and close take seconds.
+/// Found by attack: after 1 000 black boxes a run wrote no more, and 1 005 times Hello and close
+/// take seconds.
 #[test]
 fn passers_by_do_not_cost_the_evidence_of_a_session_that_obtained() {
     let folder = tempfile::tempdir().unwrap();
     let (mut server, windows) = ServerFixture::default().handing_over();
-    let mut writer = Writer::open(folder.path(), windows).unwrap();
+    let mut writer = BlackBoxWriter::open(folder.path(), windows).unwrap();
     let mut last = 0;
     for _ in 0..1_005 {
         (server, last) = passed_by(server);
@@ -214,7 +245,8 @@ fn passers_by_do_not_cost_the_evidence_of_a_session_that_obtained() {
     assert_eq!(epochs, newest);
 }
 
-/// Passers-by that come faster than black boxes are written leave room for a session that obtained, and are not called a loss.
+/// Passers-by that come faster than black boxes are written leave room for a session that obtained,
+/// and are not called a loss.
 #[test]
 fn passers_by_do_not_use_up_the_boxes_of_the_cycle() {
     let (mut server, mut windows) = ServerFixture::default().handing_over();
@@ -228,8 +260,13 @@ fn passers_by_do_not_use_up_the_boxes_of_the_cycle() {
     for _ in 0..20 {
         server = passed_by(server).0;
     }
-    let received: Vec<_> = std::iter::from_fn(|| windows.receive()).map(|window| window.end().epoch).collect();
-    assert!(received.contains(&epoch), "{epoch:?} is not in {received:?}");
+    let received: Vec<_> = std::iter::from_fn(|| windows.receive())
+        .map(|window| window.end().epoch)
+        .collect();
+    assert!(
+        received.contains(&epoch),
+        "{epoch:?} is not in {received:?}"
+    );
     assert_eq!(windows.take_lost(), 0);
 }
 

@@ -1,15 +1,16 @@
-//! The client in Rust against the list of cases that the client in Python is run against, too: every refusal that `wire.md` demands; and what
-//! the client that compensates demands besides.
+//! The client in Rust against the list of cases that the client in Python is run against, too:
+//! every refusal that `wire.md` demands; and what the client that compensates demands in addition.
 
+use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
 use std::time::Duration;
 
-use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions, Connection};
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau_client::{self, ClientControls, ClientError, ClientOptions, Connection};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Event, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Mode};
+use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_tests::client_cases::Cases;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
@@ -20,18 +21,26 @@ fn hold(address: SocketAddr, cases: &Cases) -> ClientError {
         cycle_us: Some(cases.cycle_us),
         kinematics_checksum: Some(cases.checksum),
     };
-    let held = || {
-        let mut link = Connection::<3>::open(Transport::Stream, address, Duration::from_secs(20), requirements)?;
-        link.greet()?;
-        loop {
-            match link.next_event()? {
-                Event::Ended(state) => return Err(ClientError::Ended(state.cause)),
-                _ => link.answer(Mode::Submit, &[Offsets::ZERO; 3])?,
-            };
-        }
-    };
-    let ended: Result<(), ClientError> = held();
-    ended.unwrap_err()
+    hold_until_error(address, requirements).unwrap_err()
+}
+
+fn hold_until_error(
+    address: SocketAddr,
+    requirements: Requirements,
+) -> Result<Infallible, ClientError> {
+    let mut link = Connection::<3>::open(
+        Transport::Stream,
+        address,
+        Duration::from_secs(20),
+        requirements,
+    )?;
+    link.greet()?;
+    loop {
+        match link.next_event()? {
+            Event::Ended(state) => return Err(ClientError::Ended(state.cause)),
+            _ => link.answer(Mode::Submit, &[Offsets::ZERO; 3])?,
+        };
+    }
 }
 
 #[test]
@@ -63,7 +72,7 @@ fn compensates_with(bytes: [(usize, u32); 2]) -> ClientError {
         record: None,
         obtain: true,
     };
-    let error = client::run(&options, &ClientControls::default()).unwrap_err();
+    let error = gantry_tau_client::run(&options, &ClientControls::default()).unwrap_err();
     serving.join().unwrap();
     error
 }
@@ -72,9 +81,18 @@ fn compensates_with(bytes: [(usize, u32); 2]) -> ClientError {
 fn the_client_that_compensates_has_a_machine_and_a_cycle_of_its_own() {
     let checksum = RobotFile::builtin_l2().unwrap().checksum();
     let cycle = compensates_with([(16, 2_000), (24, checksum)]);
-    assert!(cycle.to_string().contains("the server's cycle is 2000 us, the client's is 1000 us"), "{cycle}");
+    assert!(
+        cycle
+            .to_string()
+            .contains("the server's cycle is 2000 us, the client's is 1000 us"),
+        "{cycle}"
+    );
     let machine = compensates_with([(16, 1_000), (24, checksum ^ 1)]);
-    assert_eq!((machine.exit_code(), machine.to_string().contains("cycle")), (5, false), "{machine}");
+    assert_eq!(
+        (machine.exit_code(), machine.to_string().contains("cycle")),
+        (5, false),
+        "{machine}"
+    );
     // With its own it goes on to the State, whose epoch and tick it takes, and finds no sample.
     let own = compensates_with([(16, 1_000), (24, checksum)]);
     assert_ne!(own.exit_code(), 5, "{own}");

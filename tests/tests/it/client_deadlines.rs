@@ -1,4 +1,5 @@
-//! Servers and sensors that drip, fall silent or flood: a client waits for each step once, and is told to leave in every wait.
+//! Servers and sensors that drip, fall silent or flood: a client waits for each step once, and is
+//! asked to leave in every wait.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -7,17 +8,18 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau::client::{ClientError, Connection};
-use gantry_tau::gauge_link::{GaugeReader, HEAD};
-use gantry_tau::sensor_link::SensorReader;
+use gantry_tau_client::{ClientError, Connection};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Event, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{
-    AxisLimits, AxisState, Capabilities, Cause, Counters, Mode, Phase, ServerMessage, State, Welcome,
+    AxisLimits, AxisState, Capabilities, Cause, Counters, Mode, Phase, ServerMessage, State,
+    Welcome,
 };
 use gantry_tau_core::control::wire::encode_server;
 use gantry_tau_core::units::{Epoch, Sequence, Tick};
+use gantry_tau_server::links::gauges::{GaugeReader, HEAD};
+use gantry_tau_server::links::sensor::SensorReader;
 use gantry_tau_tests::DEADLINE;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
@@ -57,7 +59,8 @@ fn state(tick: u64) -> Vec<u8> {
     encode_server(&ServerMessage::State(state)).to_vec()
 }
 
-/// A server that takes a client, sends `first` once it has heard something, then drips `rest`; and counts the dripped bytes.
+/// A server that takes a client, sends `first` once it has heard something, then drips `rest`; and
+/// counts the dripped bytes.
 struct Dripping {
     address: SocketAddr,
     dripped: Arc<AtomicUsize>,
@@ -84,12 +87,23 @@ impl Dripping {
             // Held open until the client leaves.
             let _ = stream.read_to_end(&mut Vec::new());
         });
-        Self { address, dripped, thread }
+        Self {
+            address,
+            dripped,
+            thread,
+        }
     }
 
     fn client<'q>(&self, patience: Duration, quit: &'q AtomicBool) -> Connection<'q, 3> {
         let requirements = Requirements::default();
-        Connection::open_unless(quit, Transport::Stream, self.address, patience, requirements).unwrap()
+        Connection::open_unless(
+            quit,
+            Transport::Stream,
+            self.address,
+            patience,
+            requirements,
+        )
+        .unwrap()
     }
 
     /// Ends the server; returns the number of bytes that were dripped while the client waited.
@@ -101,41 +115,66 @@ impl Dripping {
     }
 }
 
-/// Found by attack: a Welcome that came byte by byte held the client for 19 s, for each byte ended a wait.
+/// Found by attack: a Welcome that came byte by byte held the client for 19 s, for each byte ended
+/// a wait.
 #[test]
 fn a_dripped_welcome_is_waited_for_once() {
     let mut welcome = welcome();
     welcome.pop();
-    let (server, quit) = (Dripping::new(Vec::new(), welcome.clone()), AtomicBool::new(false));
+    let (server, quit) = (
+        Dripping::new(Vec::new(), welcome.clone()),
+        AtomicBool::new(false),
+    );
     let mut client = server.client(PATIENCE, &quit);
     let error = client.greet().unwrap_err();
     assert!(matches!(error, ClientError::Vanished(_)), "{error}");
     let dripped = server.dripped(client);
-    assert!(dripped < welcome.len(), "the client waited for all of {dripped} bytes");
+    assert!(
+        dripped < welcome.len(),
+        "the client waited for all of {dripped} bytes"
+    );
 }
 
 /// As found: States went on and on, or came byte by byte, and the Goodbye was not heard.
 #[test]
 fn a_goodbye_that_is_not_acknowledged_is_waited_for_once() {
     let drip: Vec<u8> = (7..).flat_map(state).take(1_000).collect();
-    let (server, quit) = (Dripping::new([welcome(), state(6)].concat(), drip.clone()), AtomicBool::new(false));
+    let (server, quit) = (
+        Dripping::new([welcome(), state(6)].concat(), drip.clone()),
+        AtomicBool::new(false),
+    );
     let mut client = server.client(PATIENCE, &quit);
     client.greet().unwrap();
-    let Event::State(_) = client.next_event().unwrap() else { panic!("not a State") };
+    let Event::State(_) = client.next_event().unwrap() else {
+        panic!("not a State")
+    };
     client.answer(Mode::Submit, &[Offsets::ZERO; 3]).unwrap();
     let error = client.leave().unwrap_err();
-    assert!(error.to_string().contains("has not acknowledged the Goodbye"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains("has not acknowledged the Goodbye"),
+        "{error}"
+    );
     assert_eq!(error.exit_code(), 7);
     let dripped = server.dripped(client);
-    assert!(dripped < drip.len(), "the client waited for all of {dripped} bytes");
+    assert!(
+        dripped < drip.len(),
+        "the client waited for all of {dripped} bytes"
+    );
 }
 
-/// A client that is told to leave waits for nothing: neither for a Welcome nor for a State.
+/// A client that is asked to leave waits for nothing: neither for a Welcome nor for a State.
 #[test]
-fn every_wait_ends_when_the_client_is_told_to_leave() {
+fn every_wait_ends_when_the_client_is_asked_to_leave() {
     let mut half = welcome();
     half.truncate(20);
-    for first in [Vec::new(), half, welcome(), [welcome(), state(6), state(7)[..20].to_vec()].concat()] {
+    for first in [
+        Vec::new(),
+        half,
+        welcome(),
+        [welcome(), state(6), state(7)[..20].to_vec()].concat(),
+    ] {
         let (server, quit) = (Dripping::new(first, Vec::new()), AtomicBool::new(false));
         let mut client = server.client(FOR_EVER, &quit);
         std::thread::scope(|scope| {
@@ -172,34 +211,45 @@ const VISIT: usize = 16 * 16_384;
 /// Bytes of a flood: many visits.
 const FLOOD: usize = 16 * VISIT;
 
-/// Checks that each visit takes a bounded number of records, the last of which counts, and that the last of all is found.
+/// Checks that each visit takes a bounded number of records, the last of which counts, and that the
+/// last of all is found.
 fn assert_bounded(record: usize, mut latest: impl FnMut() -> Option<u64>) {
     let last = u64::try_from(FLOOD / record).unwrap();
     let most = u64::try_from(VISIT / record + 1).unwrap();
     let mut before = 0;
     gantry_tau_tests::wait_for("the last record", || {
         let tick = latest().unwrap_or(0);
-        assert!(tick >= before && tick - before <= most, "{tick} after {before} in one visit");
+        assert!(
+            tick >= before && tick - before <= most,
+            "{tick} after {before} in one visit"
+        );
         before = tick;
         tick == last
     });
 }
 
-/// Found by attack: a sensor that sends faster than it is read kept the client in one call, and cost it its session.
+/// Found by attack: a sensor that sends faster than it is read kept the client in one call, and
+/// cost it its session.
 #[test]
 fn a_visit_to_a_sensor_or_to_gauges_that_flood_is_bounded() {
     let quit = AtomicBool::new(false);
-    let records = (1..).take(FLOOD / 56).flat_map(|tick: u64| [&tick.to_le_bytes()[..], &[0; 48]].concat());
+    let records = (1..)
+        .take(FLOOD / 56)
+        .flat_map(|tick: u64| [&tick.to_le_bytes()[..], &[0; 48]].concat());
     let (address, flood) = flooding(records.collect());
     let mut reader = SensorReader::connect(address, &quit).unwrap();
     assert_bounded(56, || reader.latest().unwrap().map(|sample| sample.tick));
     drop(reader);
     flood.join().unwrap();
     // Gauges without any gauge: the shortest records there are.
-    let records = (1..).take(FLOOD / HEAD).flat_map(|tick: u64| [tick.to_le_bytes(), [0; 8]].concat());
+    let records = (1..)
+        .take(FLOOD / HEAD)
+        .flat_map(|tick: u64| [tick.to_le_bytes(), [0; 8]].concat());
     let (address, flood) = flooding(records.collect());
     let mut reader = GaugeReader::connect(address, &quit).unwrap();
-    assert_bounded(HEAD, || reader.latest().unwrap().map(|lengths| lengths.tick));
+    assert_bounded(HEAD, || {
+        reader.latest().unwrap().map(|lengths| lengths.tick)
+    });
     drop(reader);
     flood.join().unwrap();
 }

@@ -4,14 +4,14 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::Ordering;
 
-use gantry_tau::client::{ClientControls, ClientOptions, run};
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::sensor_link::SensorPublisher;
+use gantry_tau_client::{ClientControls, ClientOptions, run};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Phase};
 use gantry_tau_core::control::session::{Connection, Session, Start};
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
 use gantry_tau_core::units::{EpochRange, PositionNm, Tick};
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_tests::DEADLINE;
 use gantry_tau_tests::server_fixture::{LOOPBACK, on_time};
 
@@ -24,7 +24,7 @@ struct Server {
 }
 
 impl Server {
-    fn of<K: gantry_tau::model::MachineKind<3>>(robot: &RobotFile<K, 3>) -> Self {
+    fn of<K: gantry_tau_machine::model::MachineKind<3>>(robot: &RobotFile<K, 3>) -> Self {
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let session = Session::new(config, &Start::at_rest([PositionNm(0); 3])).unwrap();
         let motors = MotorMap::new([0, 1, 2]).unwrap();
@@ -32,7 +32,12 @@ impl Server {
         let connection = endpoint.open(Transport::Datagram).unwrap();
         let socket = UdpSocket::bind(LOOPBACK).unwrap();
         socket.set_read_timeout(Some(DEADLINE)).unwrap();
-        Self { socket, client: None, endpoint, connection }
+        Self {
+            socket,
+            client: None,
+            endpoint,
+            connection,
+        }
     }
 
     /// Waits for the client's next message, which the coming tick has.
@@ -49,7 +54,8 @@ impl Server {
         decode_client(&Frame::parse(&buffer[..count]).unwrap()).unwrap()
     }
 
-    /// Waits for a Command. A Hello before it is that of a client that has waited long in the handshake: this machine is busy.
+    /// Waits for a Command. A Hello before it is that of a client that has waited long in the
+    /// handshake: this machine is busy.
     fn receive_command(&mut self) -> Command<3> {
         loop {
             match self.receive() {
@@ -101,7 +107,8 @@ fn every_state_is_answered_once() {
         frames.iter().for_each(|frame| server.send(frame));
         let mut before = frames.last().unwrap().clone();
         for tick in 1..50 {
-            // An answer to anything but the new State would come first, or be received in the next round.
+            // An answer to anything but the new State would come first, or be received in the next
+            // round.
             let command = server.receive_command();
             assert_eq!((command.sequence.0, command.echo), (tick, Tick(tick)));
             let [state] = server.tick().try_into().unwrap();

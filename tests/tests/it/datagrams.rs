@@ -1,11 +1,15 @@
-//! The same server over UDP: what is lost stays lost, what is late or twice is only counted, and an unknown sender gets no answer.
+//! The same server over UDP: what is lost stays lost, what is late or twice is only counted, and an
+//! unknown sender gets no answer.
 
-use gantry_tau::server::connections::{Allowed, Listen};
-use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal, ServerMessage, State};
+use gantry_tau_core::control::message::{
+    Cause, ClientMessage, Mode, Phase, Refusal, ServerMessage, State,
+};
 use gantry_tau_core::control::wire::{MAX_FRAME, encode_client};
 use gantry_tau_core::units::{EpochRange, OffsetNm};
+use gantry_tau_server::links::Allowed;
+use gantry_tau_server::server::connections::Listen;
+use gantry_tau_server::state::StopLatch;
 use gantry_tau_tests::client::{Client, hello};
 use gantry_tau_tests::fake_plant::Bus;
 use gantry_tau_tests::server_fixture::{LOOPBACK, ServerFixture, parameters};
@@ -60,7 +64,10 @@ fn one_lost_datagram_is_tolerated_and_the_second_ends_the_session() {
     assert_eq!(answered(&mut session).phase, Phase::Obtain);
     assert_eq!(session.tick().state.phase, Phase::Obtain);
     let state = session.tick().state;
-    assert_eq!((state.phase, state.cause), (Phase::SafeDisconnect, Cause::ClientLate));
+    assert_eq!(
+        (state.phase, state.cause),
+        (Phase::SafeDisconnect, Cause::ClientLate)
+    );
 }
 
 #[test]
@@ -74,12 +81,21 @@ fn late_twofold_and_overtaking_datagrams_are_only_counted() {
     }
     // The target that is far away never acted.
     let state = tick(&mut session, &[]);
-    assert!(state.axes.iter().all(|axis| axis.offsets.position == OffsetNm(20_000)));
+    assert!(
+        state
+            .axes
+            .iter()
+            .all(|axis| axis.offsets.position == OffsetNm(20_000))
+    );
     // An answer to a State of long ago does not count.
     session.client.tick.0 -= 5;
     let late = answer(&mut session, Mode::Obtain, [0; 3]);
     let state = tick(&mut session, &[late]);
-    assert_eq!(state.phase, Phase::SafeDisconnect, "two deadlines without an answer");
+    assert_eq!(
+        state.phase,
+        Phase::SafeDisconnect,
+        "two deadlines without an answer"
+    );
     assert_eq!(state.cause, Cause::NetworkLate);
 }
 
@@ -93,7 +109,13 @@ fn broken_datagrams_are_dropped_and_the_session_goes_on() {
         corrupt[10 + round] ^= 0x10;
         // Two frames in one datagram are refused.
         let two = [&*frame, &*frame].concat();
-        for broken in [&corrupt[..], &frame[..frame.len() / 2], &[0x47; MAX_FRAME + 200], &[], &two] {
+        for broken in [
+            &corrupt[..],
+            &frame[..frame.len() / 2],
+            &[0x47; MAX_FRAME + 200],
+            &[],
+            &two,
+        ] {
             session.client.send_bytes(broken);
         }
         let state = tick(&mut session, &[good]);
@@ -113,8 +135,15 @@ fn a_second_peer_is_refused_and_one_that_does_not_greet_hears_nothing() {
     silent.send(&ClientMessage::Stop(session.client.epoch));
     silent.send(&ClientMessage::Goodbye(session.client.epoch));
     silent.send_bytes(b"hello");
-    assert_eq!(answered(&mut session).phase, Phase::Obtain, "another's Stop stops nothing");
-    assert_eq!(second.receive(), Some(ServerMessage::Refusal(Refusal::Busy)));
+    assert_eq!(
+        answered(&mut session).phase,
+        Phase::Obtain,
+        "another's Stop stops nothing"
+    );
+    assert_eq!(
+        second.receive(),
+        Some(ServerMessage::Refusal(Refusal::Busy))
+    );
     assert!(silent.is_quiet());
 }
 
@@ -124,15 +153,30 @@ fn a_goodbye_said_twice_is_one_end() {
     let epoch = session.client.epoch;
     let goodbye = ClientMessage::Goodbye(epoch);
     let state = tick(&mut session, &[goodbye, goodbye]);
-    assert_eq!((state.phase, state.cause), (Phase::SafeDisconnect, Cause::Goodbye));
-    session.server.step_until("Listening", |row| row.state.phase == Phase::Listening);
+    assert_eq!(
+        (state.phase, state.cause),
+        (Phase::SafeDisconnect, Cause::Goodbye)
+    );
+    session
+        .server
+        .step_until("Listening", |row| row.state.phase == Phase::Listening);
     // The place is free again.
     let next = other(&session);
     let next = SessionFixture::greeted_by(next, session.server);
     assert!(next.client.epoch > epoch);
 }
 
-/// Bytes that one Hello brings to its address, if nothing else is ever sent from there; and the longest Welcome and State.
+/// Reads what has arrived; returns the number of its bytes.
+fn drain(socket: &std::net::UdpSocket) -> usize {
+    let (mut bytes, mut datagram) = (0, [0; MAX_FRAME]);
+    while let Ok(count) = socket.recv(&mut datagram) {
+        bytes += count;
+    }
+    bytes
+}
+
+/// Bytes that one Hello brings to its address, if nothing else is ever sent from there; and the
+/// longest Welcome and State.
 fn bytes_for_one_hello<const N: usize>() -> (usize, usize) {
     let mut server = ServerFixture::<N>::over_datagrams();
     let victim = std::net::UdpSocket::bind(LOOPBACK).unwrap();
@@ -141,26 +185,25 @@ fn bytes_for_one_hello<const N: usize>() -> (usize, usize) {
     let hello = hello::<N>();
     victim.send(&encode_client(&hello)).unwrap();
     let mut bytes = 0;
-    let mut drain = || {
-        let mut datagram = [0; MAX_FRAME];
-        while let Ok(count) = victim.recv(&mut datagram) {
-            bytes += count;
-        }
-    };
     let row = server.step_until("the Welcome", |row| row.welcomed);
     assert_eq!(row.state.phase, Phase::Handshake);
-    drain();
+    bytes += drain(&victim);
     let mut cause = Cause::None;
     for _ in 0..1_200 {
         let row = server.step();
         cause = row.ended.unwrap_or(cause);
-        drain();
+        bytes += drain(&victim);
     }
-    assert_eq!(cause, Cause::HandshakeTimeout, "the handshake is over nevertheless");
+    assert_eq!(
+        cause,
+        Cause::HandshakeTimeout,
+        "the handshake is over nevertheless"
+    );
     (bytes, 10 + 28 + 48 * N + 10 + 76 + 44 * N)
 }
 
-/// Found by attack: a Hello of 14 bytes from a forged address brought 215 784 and 349 276 bytes to it.
+/// Found by attack: a Hello of 14 bytes from a forged address brought 215 784 and 349 276 bytes to
+/// it.
 #[test]
 fn a_forged_hello_brings_one_welcome_and_one_state_to_its_address() {
     let (bytes, most) = bytes_for_one_hello::<3>();
@@ -169,7 +212,8 @@ fn a_forged_hello_brings_one_welcome_and_one_state_to_its_address() {
     assert!(bytes > 0 && bytes <= most, "{bytes} of at most {most}");
 }
 
-/// The State that a client has to answer may be lost: each further datagram of the client brings the latest one.
+/// The State that a client has to answer may be lost: each further datagram of the client brings
+/// the latest one.
 #[test]
 fn in_the_handshake_a_state_follows_each_frame_that_is_heard() {
     let server = ServerFixture::over_datagrams();
@@ -232,7 +276,11 @@ fn a_flood_of_other_peers_is_bounded_work() {
 fn who_is_not_allowed_is_not_answered() {
     for transport in [Transport::Datagram, Transport::Stream] {
         let allowed = Allowed::only(&["192.0.2.0/24".to_owned()]).unwrap();
-        let listen = Listen { transport, allowed, ..LOOPBACK.into() };
+        let listen = Listen {
+            transport,
+            allowed,
+            ..LOOPBACK.into()
+        };
         let mut server = ServerFixture::<3>::listen(
             parameters(),
             Bus::default(),

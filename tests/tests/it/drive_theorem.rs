@@ -1,19 +1,22 @@
-//! T21, the drive's theorem, over every machine that a server moves: what is in force at a drive changes by at most S per tick, and nothing is
-//! granted or ended while it is not zero, whatever writes are refused and readings fail. Proved of core; here it is asked of the plants.
+//! T21, the drive's theorem, over every machine that a server moves: what is in force at a drive
+//! changes by at most S per tick, and nothing is granted or ended while it is not zero, for any
+//! refused writes and failed readings. Proved of core; here it is asked of the plants.
 //!
-//! One more machine is one more test in [`machines`]: a plant in [`Watched`], or a [`Bench`] that looks at its drives itself.
+//! One more machine is one more test in [`machines`]: a plant in [`Watched`], or a [`Bench`] that
+//! looks at its drives itself.
 
 mod machines;
 mod watched;
 
-use gantry_tau::plant::Plant;
-use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{Mode, Phase};
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_server::plant::Plant;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
+use gantry_tau_server::state::StopLatch;
 use gantry_tau_tests::client::{Client, Noise};
 use gantry_tau_tests::server_fixture::{LOOPBACK, await_bytes};
 
@@ -53,7 +56,7 @@ trait Bench<const N: usize> {
     fn at_drives(&self) -> Vec<AtDrive>;
 
     /// Takes note of a tick; returns what it finds wrong.
-    fn see(&mut self, row: &Row<N>) -> Result<(), String> {
+    fn see(&mut self, row: &TickRecord<N>) -> Result<(), String> {
         let _ = row;
         Ok(())
     }
@@ -79,13 +82,24 @@ struct Counts {
 impl Counts {
     /// Asserts that there was something of everything.
     fn assert_much(&self) {
-        let least = [self.troubles / 200, self.failed / 200, self.granted / 10, self.refused / 50, self.quits / 2];
-        assert!(least.iter().all(|count| *count > 0) && self.whole_steps > 200 && self.compared > 10_000, "{self:?}");
+        let least = [
+            self.troubles / 200,
+            self.failed / 200,
+            self.granted / 10,
+            self.refused / 50,
+            self.quits / 2,
+        ];
+        assert!(
+            least.iter().all(|count| *count > 0)
+                && self.whole_steps > 200
+                && self.compared > 10_000,
+            "{self:?}"
+        );
     }
 }
 
 /// A server on a machine with trouble, and its clients.
-struct Run<const N: usize, const M: usize, P, B> {
+struct Run<const N: usize, const M: usize, P: Plant<N, M>, B> {
     config: Config<N>,
     cycle: Cycle<N, M, P>,
     bench: B,
@@ -104,7 +118,14 @@ struct Run<const N: usize, const M: usize, P, B> {
 
 impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B> {
     fn new(config: Config<N>, motors: MotorMap<N, M>, plant: P, bench: B, seed: u64) -> Self {
-        let cycle = Cycle::new(config, motors, plant, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK);
+        let cycle = Cycle::new(
+            config,
+            motors,
+            plant,
+            EpochRange::VOLATILE,
+            StopLatch::volatile(),
+            LOOPBACK,
+        );
         let mut cycle = cycle.unwrap();
         cycle.start().unwrap();
         Self {
@@ -126,7 +147,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
     /// Runs ticks. The error is the first thing that T21 does not allow.
     fn ticks(mut self, count: u32) -> Result<Counts, String> {
         for tick in 0..count {
-            self.tick().map_err(|error| format!("tick {tick}: {error}"))?;
+            self.tick()
+                .map_err(|error| format!("tick {tick}: {error}"))?;
         }
         Ok(self.counts)
     }
@@ -136,8 +158,8 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
         let before = self.bench.at_drives();
         let answers = self.speak();
         self.cycle.receive();
-        let demands = self.demands();
-        let row = self.cycle.step(1, demands);
+        let operator = self.operator();
+        let row = self.cycle.step(1, operator);
         let after = self.bench.at_drives();
         self.hear(&row, answers);
         self.counts.failed += u32::from(row.plant_failed);
@@ -151,7 +173,11 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
         self.trouble -= 1;
         if self.trouble < -1 && self.noise.below(40) == 0 {
             self.trouble = 1 + i32::try_from(self.noise.below(4)).unwrap();
-            self.kind = if self.noise.below(2) == 0 { Trouble::Write } else { Trouble::Read };
+            self.kind = if self.noise.below(2) == 0 {
+                Trouble::Write
+            } else {
+                Trouble::Read
+            };
         }
         let is_bad = self.trouble > 0;
         self.counts.troubles += u32::from(is_bad);
@@ -160,7 +186,10 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
 
     /// The clients say something, and the owner's answer arrives. True if there was one.
     fn speak(&mut self) -> bool {
-        let has_session = matches!(self.cycle.phase(), Phase::Handshake | Phase::Submit | Phase::Obtain);
+        let has_session = matches!(
+            self.cycle.phase(),
+            Phase::Handshake | Phase::Submit | Phase::Obtain
+        );
         if self.cycle.phase() == Phase::Listening {
             if self.owner.is_none() {
                 self.others.clear();
@@ -179,23 +208,31 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
         if !has_session || self.noise.below(250) == 0 {
             self.owner = None;
         }
-        let Some(owner) = &mut self.owner else { return false };
+        let Some(owner) = &mut self.owner else {
+            return false;
+        };
         if self.noise.below(20) == 0 {
             for (target, axis) in self.targets.iter_mut().zip(&self.config.parameters().axes) {
                 let step = axis.limits.position.step();
                 let most = STEPS.min(OFFSET_NM / step);
-                let steps = i32::try_from(self.noise.below(usize::try_from(2 * most + 1).unwrap())).unwrap() - most;
+                let steps = i32::try_from(self.noise.below(usize::try_from(2 * most + 1).unwrap()))
+                    .unwrap()
+                    - most;
                 *target = steps * step;
             }
         }
-        let mode = if self.cycle.phase() == Phase::Handshake { Mode::Submit } else { Mode::Obtain };
+        let mode = if self.cycle.phase() == Phase::Handshake {
+            Mode::Submit
+        } else {
+            Mode::Obtain
+        };
         let frame = owner.frame(mode, self.targets);
         owner.send_bytes(&frame);
         await_bytes(&mut self.cycle, frame.len());
         true
     }
 
-    fn hear(&mut self, row: &Row<N>, answered: bool) {
+    fn hear(&mut self, row: &TickRecord<N>, answered: bool) {
         let Some(owner) = &mut self.owner else { return };
         if row.welcomed {
             owner.welcome();
@@ -205,19 +242,30 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
         }
     }
 
-    /// Presses: a quit now and then, until zero is in force; a re-arm some time after a stop, until the server listens.
-    fn demands(&mut self) -> Demands {
+    /// Presses: a quit now and then, until zero is in force; a re-arm some time after a stop, until
+    /// the server listens.
+    fn operator(&mut self) -> OperatorInputs {
         match self.cycle.phase() {
             Phase::Obtain => self.quits |= self.noise.below(150) == 0,
             Phase::Fault => self.rearms |= !self.quits && self.noise.below(50) == 0,
             _ => {}
         }
         self.rearms &= self.cycle.phase() == Phase::Fault;
-        Demands { quit: self.quits, rearm: self.rearms, ..Demands::default() }
+        OperatorInputs {
+            quit: self.quits,
+            rearm: self.rearms,
+            ..OperatorInputs::default()
+        }
     }
 
-    fn check(&mut self, row: &Row<N>, before: &[AtDrive], after: &[AtDrive]) -> Result<(), String> {
-        let is_zero = |drives: &[AtDrive]| drives.iter().all(|drive| drive.offsets == Offsets::ZERO);
+    fn check(
+        &mut self,
+        row: &TickRecord<N>,
+        before: &[AtDrive],
+        after: &[AtDrive],
+    ) -> Result<(), String> {
+        let is_zero =
+            |drives: &[AtDrive]| drives.iter().all(|drive| drive.offsets == Offsets::ZERO);
         self.counts.granted += u32::from(row.welcomed);
         if row.welcomed && !(is_zero(before) && is_zero(after)) {
             return Err(format!("granted with {before:?}"));
@@ -239,7 +287,9 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
             };
             let is_rounded = drive.reference_nm.abs_diff(given.position.0) <= B::RESOLUTION_NM;
             if !is_rounded || drive.offsets != offsets {
-                return Err(format!("core gave out {given:?}, and the drive has {drive:?}"));
+                return Err(format!(
+                    "core gave out {given:?}, and the drive has {drive:?}"
+                ));
             }
             self.counts.compared += 1;
         }
@@ -247,16 +297,38 @@ impl<const N: usize, const M: usize, P: Plant<N, M>, B: Bench<N>> Run<N, M, P, B
         for (before, after) in before.iter().zip(after) {
             let limits = &self.config.parameters().axes[after.axis].limits;
             let changes = [
-                (after.offsets.position.0.abs_diff(before.offsets.position.0), limits.position.step()),
-                (after.offsets.velocity.0.abs_diff(before.offsets.velocity.0), limits.velocity.step()),
-                (after.offsets.torque.0.abs_diff(before.offsets.torque.0).into(), limits.torque.step()),
+                (
+                    after.offsets.position.0.abs_diff(before.offsets.position.0),
+                    limits.position.step(),
+                ),
+                (
+                    after.offsets.velocity.0.abs_diff(before.offsets.velocity.0),
+                    limits.velocity.step(),
+                ),
+                (
+                    after
+                        .offsets
+                        .torque
+                        .0
+                        .abs_diff(before.offsets.torque.0)
+                        .into(),
+                    limits.torque.step(),
+                ),
             ];
             let [(moved, step), ..] = changes;
             is_whole |= moved == step.unsigned_abs();
-            let most = u64::from(step.unsigned_abs()) + after.nominal_nm.abs_diff(before.nominal_nm);
+            let most =
+                u64::from(step.unsigned_abs()) + after.nominal_nm.abs_diff(before.nominal_nm);
             let is_far = after.reference_nm.abs_diff(before.reference_nm) > most;
-            if is_far || changes.iter().any(|(change, step)| *change > step.unsigned_abs()) {
-                return Err(format!("from {before:?} to {after:?}, in {:?}", row.state.phase));
+            if is_far
+                || changes
+                    .iter()
+                    .any(|(change, step)| *change > step.unsigned_abs())
+            {
+                return Err(format!(
+                    "from {before:?} to {after:?}, in {:?}",
+                    row.state.phase
+                ));
             }
         }
         self.counts.whole_steps += u32::from(is_whole);

@@ -1,4 +1,5 @@
-//! README shows the code that is compiled, and the other way round; docs/embedding.md states the sizes that are.
+//! README shows the code that is compiled, and the other way round; docs/embedding.md states the
+//! sizes that are.
 
 use gantry_tau_core::control::endpoint::Endpoint;
 use gantry_tau_core::control::session::BlackBox;
@@ -12,11 +13,16 @@ fn readme_shows_the_example_that_is_compiled() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/");
     let example = std::fs::read_to_string(format!("{folder}examples/embed.rs")).unwrap();
     let part = example.split("    // README\n").nth(1).unwrap();
-    let part: String = (part.lines()).map(|line| line.strip_prefix("    ").unwrap().to_owned() + "\n").collect();
+    let part: String = (part.lines())
+        .map(|line| line.strip_prefix("    ").unwrap().to_owned() + "\n")
+        .collect();
     let readme = std::fs::read_to_string(format!("{folder}../README.md")).unwrap();
     let after = readme.split_once(MARKER).map(|(_, after)| after);
     let after = after.expect("README.md lacks the marker");
-    let block = after.trim_start().strip_prefix("```rust\n").expect("no ```rust block follows the marker");
+    let block = after
+        .trim_start()
+        .strip_prefix("```rust\n")
+        .expect("no ```rust block follows the marker");
     let (block, _) = block.split_once("```").unwrap();
     assert_eq!(block, part, "README.md shows other code");
 }

@@ -1,18 +1,19 @@
 //! Killing client or server at any moment leaves nothing half-done.
 
-use gantry_tau::server::ServerError;
-use gantry_tau::state::{Begun, FirstRun, Place, State};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange, Sequence};
+use gantry_tau_server::server::ServerError;
+use gantry_tau_server::state::{Begun, FirstRun, MachineState, StatePlace};
 use gantry_tau_tests::client::hello;
 use gantry_tau_tests::fake_plant::{Bus, Record};
 use gantry_tau_tests::server_fixture::{MAX_NM, ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::{SessionFixture, offsets};
 use tempfile::TempDir;
 
-/// Ticks of the scripted session: Submit, Obtain with all three channels moving, back to Submit, Obtain again, Goodbye.
+/// Ticks of the scripted session: Submit, Obtain with all three channels moving, back to Submit,
+/// Obtain again, Goodbye.
 const SCRIPT: u32 = 60;
 
 /// Tick `tick` of the script.
@@ -51,9 +52,13 @@ impl EpochFile {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// The state of a server that begins. The lock is given back at once: killed servers are no owners.
+    /// The state of a server that begins. The lock is given back at once: killed servers are no
+    /// owners.
     fn begin(&self) -> Begun {
-        State::own(&Place::named(&self.0.path().join("epoch")), "test").unwrap().begin(FirstRun::Harmless).unwrap()
+        MachineState::own(&StatePlace::named(&self.0.path().join("epoch")), "test")
+            .unwrap()
+            .begin(FirstRun::Harmless)
+            .unwrap()
     }
 
     fn reserve(&self) -> EpochRange {
@@ -63,15 +68,18 @@ impl EpochFile {
 
 /// Ticks of ramp that offsets need.
 fn ramp_ticks(in_force: &[Offsets; 3]) -> u32 {
-    let one = |offsets: &Offsets| {
+    let ticks = in_force.iter().map(|offsets| {
         let position = offsets.position.0.unsigned_abs().div_ceil(100);
         let velocity = offsets.velocity.0.unsigned_abs().div_ceil(50);
-        position.max(velocity).max(offsets.torque.0.unsigned_abs().into())
-    };
-    in_force.iter().map(one).max().unwrap()
+        position
+            .max(velocity)
+            .max(offsets.torque.0.unsigned_abs().into())
+    });
+    ticks.max().unwrap()
 }
 
-/// The server ramps what is in force in exactly the ticks it takes (the server watches each step), lets no peer in, then listens.
+/// The server ramps what is in force in exactly the ticks it takes (the server watches each step),
+/// lets no peer in, then listens.
 fn assert_ramps_down(server: &mut ServerFixture<3>) {
     let ticks = ramp_ticks(&server.bus.in_force());
     for tick in 1..=ticks {
@@ -88,7 +96,10 @@ fn assert_ramps_down(server: &mut ServerFixture<3>) {
 fn a_client_killed_at_any_tick_leaves_a_server_for_the_next() {
     let mut server = ServerFixture::default();
     for killed in 0..=SCRIPT {
-        let SessionFixture { server: mut running, client } = play(server, killed);
+        let SessionFixture {
+            server: mut running,
+            client,
+        } = play(server, killed);
         let ramping = running.phase() == Phase::SafeDisconnect;
         if killed % 2 == 0 {
             client.reset();
@@ -119,7 +130,9 @@ fn a_client_killed_within_a_frame_leaves_a_server_for_the_next() {
         session.client.send_bytes(&frame[..cut]);
         drop(session.client);
         session.server.await_loss_of_owner();
-        session.server.assert_disconnect([250, -50, 0], Cause::Closed);
+        session
+            .server
+            .assert_disconnect([250, -50, 0], Cause::Closed);
         server = session.server;
     }
 }
@@ -135,7 +148,7 @@ fn a_server_killed_at_any_tick_is_followed_without_a_step() {
         let epoch = dead.client.epoch;
         assert!(last_epoch.replace(epoch) < Some(epoch), "an epoch revived");
         let in_force = bus.in_force();
-        // No ramp, no goodbye: the drives keep what they were told last.
+        // No ramp, no goodbye: the drives keep their last references.
         drop(dead);
         let mut second = ServerFixture::start(parameters(), bus.clone(), file.reserve()).unwrap();
         if in_force == [Offsets::default(); 3] {
@@ -188,16 +201,20 @@ fn a_restarted_server_ramps_every_channel_from_what_it_found() {
     assert_eq!(server.step().state.phase, Phase::Listening);
 }
 
+/// Error of a server that does not start on an edited machine.
+fn refused(edit: fn(&mut Record<3>)) -> ServerError {
+    let bus = Bus::<3>::default();
+    edit(&mut bus.record());
+    let error = ServerFixture::start(parameters(), bus.clone(), EpochRange::VOLATILE)
+        .err()
+        .expect("it started");
+    assert_eq!(bus.writes(), 0, "it has moved the machine");
+    assert_eq!(error.to_string().lines().count(), 1);
+    error
+}
+
 #[test]
 fn a_server_that_cannot_know_its_offsets_does_not_start() {
-    let refused = |edit: fn(&mut Record<3>)| {
-        let bus = Bus::<3>::default();
-        edit(&mut bus.record());
-        let error = ServerFixture::start(parameters(), bus.clone(), EpochRange::VOLATILE).err().expect("it started");
-        assert_eq!(bus.writes(), 0, "it has moved the machine");
-        assert_eq!(error.to_string().lines().count(), 1);
-        error
-    };
     let unreadable = refused(|record| record.offsets_fail = true);
     assert!(matches!(unreadable, ServerError::Plant(_)), "{unreadable}");
     let dead = refused(|record| record.read_fails = true);
@@ -216,32 +233,36 @@ fn a_server_that_cannot_know_its_offsets_does_not_start() {
     }
 }
 
-/// Found by audit: after a crash the next Hello obtained, as if nobody had pressed the stop.
+/// A server on this machine, with the latch as it was left.
+fn start(bus: &Bus<3>, file: &EpochFile) -> ServerFixture<3> {
+    ServerFixture::with_latch(bus.clone(), file.begin().latch)
+}
+
+/// Found by audit: after a crash the next Hello obtained, as if the stop had not been pressed.
 #[test]
 fn a_stop_outlives_the_server() {
     let file = EpochFile::new();
     let bus = Bus::default();
-    let start = || ServerFixture::<3>::with_latch(bus.clone(), file.begin().latch);
     // A stop by the owner, and one at the machine.
-    let mut session = SessionFixture::submitted_on(start()).obtain([150; 3]);
+    let mut session = SessionFixture::submitted_on(start(&bus, &file)).obtain([150; 3]);
     session.say(&ClientMessage::Stop(session.client.epoch));
     let mut server = session.server;
     server.step_until("the stop", |row| row.ended == Some(Cause::Stop));
     drop(server);
     for _restart in 0..2 {
-        let mut server = start();
+        let mut server = start(&bus, &file);
         let refusal = server.refusal(&encode_client(&hello::<3>()));
         assert!(matches!(refusal, Refusal::Faulted { .. }), "{refusal:?}");
     }
-    let mut server = start();
+    let mut server = start(&bus, &file);
     server.step_until("zero", |row| row.state.ramp_ticks_left == 0);
     assert_eq!(server.step_rearmed().state.phase, Phase::Listening);
     drop(server);
-    let mut server = start();
+    let mut server = start(&bus, &file);
     assert_eq!(server.step().state.phase, Phase::Listening);
     server.step_stopped();
     drop(server);
-    assert_eq!(start().step().state.phase, Phase::Fault);
+    assert_eq!(start(&bus, &file).step().state.phase, Phase::Fault);
 }
 
 #[test]

@@ -1,9 +1,10 @@
-//! LabComm: the crate and a second decoder, written from the format's page alone, find the same in any stream.
+//! LabComm: the crate and a second decoder, written from the format's page alone, find the same in
+//! any stream.
 
 use std::path::Path;
 
-use gantry_tau::labcomm::{decode, encode};
 use gantry_tau_labcomm::Version;
+use gantry_tau_record::labcomm::{decode, encode};
 use gantry_tau_tests::client::Noise;
 use gantry_tau_tests::labcomm::agree;
 use gantry_tau_tests::labcomm::second_decoder::Ending;
@@ -17,15 +18,24 @@ const CHANGES: usize = 60;
 /// Recorded streams of the original programs.
 fn recorded() -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/labcomm");
-    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+    let files = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|file| file.unwrap().path());
     let mut streams = Vec::new();
     for path in files.filter(|path| path.extension().is_some_and(|ending| ending == "json")) {
-        let recording: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        let recording: Value =
+            serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
         let several = recording.get("streams").unwrap_or(&recording);
-        let several = several.as_array().cloned().unwrap_or_else(|| vec![several.clone()]);
+        let several = several
+            .as_array()
+            .cloned()
+            .unwrap_or_else(|| vec![several.clone()]);
         streams.extend(several.iter().map(|stream| {
             let hex = stream["hex"].as_str().unwrap();
-            (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
+            (0..hex.len())
+                .step_by(2)
+                .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap())
+                .collect()
         }));
     }
     assert!(streams.len() > 30, "recorded streams");
@@ -50,7 +60,10 @@ fn recorded_streams_with_changed_bytes_decode_to_the_same_events() {
             count(&mut endings, &agree(&changed(&stream, &mut noise)).1);
         }
     }
-    assert!(endings.iter().all(|count| *count > 500), "clean, incomplete, refused: {endings:?}");
+    assert!(
+        endings.iter().all(|count| *count > 500),
+        "clean, incomplete, refused: {endings:?}"
+    );
 }
 
 #[test]
@@ -65,12 +78,21 @@ fn random_schemas_and_values_decode_to_what_was_encoded_by_both() {
             encode(version, text.as_bytes(), &mut stream).unwrap();
             let (events, ending) = agree(&stream);
             assert_eq!(ending, Ending::Clean);
-            assert_eq!(events.len(), lines.len() + usize::from(version == Version::V2014), "an event for each line");
+            assert_eq!(
+                events.len(),
+                lines.len() + usize::from(version == Version::V2014),
+                "an event for each line"
+            );
             let mut decoded = Vec::new();
             assert!(decode(&stream[..], &mut decoded, true).unwrap());
             let decoded = String::from_utf8(decoded).unwrap();
-            let events = decoded.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
-            for (event, line) in events.filter(|event| event["version"].is_null()).zip(&lines) {
+            let events = decoded
+                .lines()
+                .map(|line| serde_json::from_str::<Value>(line).unwrap());
+            for (event, line) in events
+                .filter(|event| event["version"].is_null())
+                .zip(&lines)
+            {
                 assert_eq!(event["value"], line["value"], "value in {version:?}");
                 assert_eq!(event["type"], line["type"], "type in {version:?}");
             }
@@ -79,7 +101,10 @@ fn random_schemas_and_values_decode_to_what_was_encoded_by_both() {
             }
         }
     }
-    assert!(endings.iter().all(|count| *count > 500), "clean, incomplete, refused: {endings:?}");
+    assert!(
+        endings.iter().all(|count| *count > 500),
+        "clean, incomplete, refused: {endings:?}"
+    );
 }
 
 fn count(endings: &mut [usize; 3], ending: &Ending) {
@@ -90,7 +115,8 @@ fn count(endings: &mut [usize; 3], ending: &Ending) {
     }] += 1;
 }
 
-/// The stream with one to three bytes changed, removed, repeated, or its end cut off. Half of the new bytes are codes of the format.
+/// The stream with one to three bytes changed, removed, repeated, or its end cut off. Half of the
+/// new bytes are codes of the format.
 fn changed(stream: &[u8], noise: &mut Noise) -> Vec<u8> {
     let mut stream = stream.to_vec();
     for _ in 0..=noise.below(3) {
@@ -98,9 +124,15 @@ fn changed(stream: &[u8], noise: &mut Noise) -> Vec<u8> {
             break;
         }
         let at = noise.below(stream.len());
-        let codes = [0x00, 0x01, 0x02, 0x03, 0x05, 0x10, 0x11, 0x20, 0x27, 0x28, 0x3f, 0x40, 0x41, 0x7f, 0x80, 0xff];
-        let byte =
-            if noise.below(2) == 0 { codes[noise.below(codes.len())] } else { stream[noise.below(stream.len())] };
+        let codes = [
+            0x00, 0x01, 0x02, 0x03, 0x05, 0x10, 0x11, 0x20, 0x27, 0x28, 0x3f, 0x40, 0x41, 0x7f,
+            0x80, 0xff,
+        ];
+        let byte = if noise.below(2) == 0 {
+            codes[noise.below(codes.len())]
+        } else {
+            stream[noise.below(stream.len())]
+        };
         match noise.below(8) {
             0 => stream.truncate(at),
             1 => drop(stream.remove(at)),
@@ -126,11 +158,16 @@ fn lines(noise: &mut Noise) -> Vec<Value> {
     lines
 }
 
-/// A type of at most this many arrays and structures within each other, without elements that take no bytes.
+/// A type of at most this many arrays and structures within each other, without elements that take
+/// no bytes.
 fn ty(noise: &mut Noise, depth: usize) -> Value {
     match noise.below(if depth == 0 { 8 } else { 14 }) {
         primitive @ 0..8 => {
-            json!(["boolean", "byte", "short", "int", "long", "float", "double", "string"][primitive])
+            json!(
+                [
+                    "boolean", "byte", "short", "int", "long", "float", "double", "string"
+                ][primitive]
+            )
         }
         8..11 => {
             let sizes: Vec<usize> = (0..noise.below(4)).map(|_| noise.below(4)).collect();
@@ -143,15 +180,21 @@ fn ty(noise: &mut Noise, depth: usize) -> Value {
             json!(["array", sizes, element])
         }
         _ => {
-            let fields: Vec<Value> =
-                (0..noise.below(5)).map(|field| json!([format!("f{field}"), ty(noise, depth - 1)])).collect();
+            let fields: Vec<Value> = (0..noise.below(5))
+                .map(|field| json!([format!("f{field}"), ty(noise, depth - 1)]))
+                .collect();
             json!(["struct", fields])
         }
     }
 }
 
 fn takes_bytes(ty: &Value) -> bool {
-    ty[0] != "struct" || ty[1].as_array().unwrap().iter().any(|field| takes_bytes(&field[1]))
+    ty[0] != "struct"
+        || ty[1]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|field| takes_bytes(&field[1]))
 }
 
 fn value(noise: &mut Noise, of: &Value) -> Value {
@@ -166,19 +209,38 @@ fn value(noise: &mut Noise, of: &Value) -> Value {
             "long" => json!(i64::from_ne_bytes(bits.to_ne_bytes())),
             "float" => json!(format!("{:08x}", bits >> 32)),
             "double" => json!(format!("{bits:016x}")),
-            _ => json!("a\u{1f9be}\n\0é".chars().cycle().take(noise.below(9)).collect::<String>()),
+            _ => json!(
+                "a\u{1f9be}\n\0é"
+                    .chars()
+                    .cycle()
+                    .take(noise.below(9))
+                    .collect::<String>()
+            ),
         };
     }
     if of[0] == "array" {
-        let sizes = of[1].as_array().unwrap().iter().map(|size| match size.as_u64().unwrap() {
-            0 => noise.below(4),
-            fixed => usize::try_from(fixed).unwrap(),
-        });
+        let sizes = of[1]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|size| match size.as_u64().unwrap() {
+                0 => noise.below(4),
+                fixed => usize::try_from(fixed).unwrap(),
+            });
         let sizes: Vec<usize> = sizes.collect();
         return list(noise, &sizes, &of[2]);
     }
     let fields = of[1].as_array().unwrap().iter();
-    Value::Object(fields.map(|field| (field[0].as_str().unwrap().to_owned(), value(noise, &field[1]))).collect())
+    Value::Object(
+        fields
+            .map(|field| {
+                (
+                    field[0].as_str().unwrap().to_owned(),
+                    value(noise, &field[1]),
+                )
+            })
+            .collect(),
+    )
 }
 
 /// Elements in lists, one level per index; `[]` if there are none.

@@ -1,4 +1,5 @@
-//! Tests that cross the crates, in one binary: the server over sockets, recorded vectors, seeds of the fuzz targets, the documents.
+//! Tests that cross the crates, in one binary: the server over sockets, recorded vectors, seeds of
+//! the fuzz targets, the documents.
 #![allow(
     clippy::arithmetic_side_effects,
     clippy::indexing_slicing,

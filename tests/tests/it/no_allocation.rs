@@ -1,27 +1,30 @@
-//! After start the cycle allocates nothing: simulated machine, live session, sensor samples, others, ramp, all of it.
+//! After start the cycle allocates nothing: simulated machine, live session, sensor samples,
+//! others, ramp, all of it.
 //!
-//! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests beside this one do not matter.
+//! The crate `allocation_counter` is the allocator of this binary; it counts per thread, so tests
+//! beside this one do not matter.
 
 use std::io::Write;
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::AtomicBool;
 
 use allocation_counter::measure;
-use gantry_tau::black_box::swap_channel::{self, Receiver};
-use gantry_tau::model::{F1_MOTORS, L2_MOTORS, MachineKind};
-use gantry_tau::publication::{Publication, SampleName};
-use gantry_tau::robot_file::{Drives, RobotFile};
-use gantry_tau::sensor_link::{SensorPublisher, SensorReader};
-use gantry_tau::server::connections::Listen;
-use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
-use gantry_tau::sim::machine::SimulatedMachine;
-use gantry_tau::sim::parameters::Motion;
-use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Cause, Mode, Phase, Refusal, ServerMessage};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_labcomm::Version;
+use gantry_tau_machine::model::{F1_MOTORS, L2_MOTORS, MachineKind};
+use gantry_tau_machine::robot_file::{DriveKeys, RobotFile};
+use gantry_tau_server::black_box::swap_channel::{self, Receiver};
+use gantry_tau_server::links::sensor::{SensorPublisher, SensorReader};
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::publication::{Publication, SampleName};
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::connections::Listen;
+use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
+use gantry_tau_server::state::StopLatch;
+use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
+use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_tests::client::{Client, Noise};
 use gantry_tau_tests::server_fixture::{LOOPBACK, await_bytes};
 use gantry_tau_tests::wait_for;
@@ -41,37 +44,74 @@ struct Server<const N: usize, const M: usize> {
 impl<const N: usize, const M: usize> Server<N, M> {
     fn start<K: MachineKind<N>>(robot: &RobotFile<K, N>, transport: Transport) -> Self {
         let (hand, tool) = load_generator();
-        let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
+        let machine = SimulatedMachine::from_robot(robot, tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let motors = robot.motor_map().unwrap();
         let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
-        let sensor = SensorReader::connect(publisher.address().unwrap(), &AtomicBool::new(false)).unwrap();
-        let port =
-            Publication::bind::<N>(LOOPBACK, Version::V2006, &[SampleName::Data, SampleName::ForceSensor], 0.5e-6);
+        let sensor =
+            SensorReader::connect(publisher.address().unwrap(), &AtomicBool::new(false)).unwrap();
+        let port = Publication::bind::<N>(
+            LOOPBACK,
+            Version::V2006,
+            &[SampleName::Data, SampleName::ForceSensor],
+            0.5e-6,
+        );
         let port = port.unwrap();
         let address = port.address().unwrap();
         let readers = [(); 2].map(|()| TcpStream::connect(address).unwrap());
         (&readers[1]).write_all(&[0xff; 1_000]).unwrap();
-        let listen = Listen { transport, ..LOOPBACK.into() };
-        let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), listen).unwrap();
+        let listen = Listen {
+            transport,
+            ..LOOPBACK.into()
+        };
+        let cycle = Cycle::new(
+            config,
+            motors,
+            machine,
+            EpochRange::VOLATILE,
+            StopLatch::volatile(),
+            listen,
+        )
+        .unwrap();
         let (sender, black_boxes) = swap_channel::channel();
-        let cycle = cycle.with_sensor(publisher).with_sensors(vec![port]).with_black_box(sender);
-        Self { cycle, hand, sensor, black_boxes, port: address, _readers: readers }
+        let cycle = cycle
+            .with_sensor(publisher)
+            .with_sensors(vec![port])
+            .with_black_box(sender);
+        Self {
+            cycle,
+            hand,
+            sensor,
+            black_boxes,
+            port: address,
+            _readers: readers,
+        }
     }
 
     /// One look at the sockets and one tick; neither may allocate.
-    fn tick(&mut self, stop: bool) -> Row<N> {
+    fn tick(&mut self, stop: bool) -> TickRecord<N> {
         let mut row = None;
         let counted = measure(|| {
             self.cycle.receive();
-            row = Some(self.cycle.step(1, Demands { stop, rearm: !stop, ..Demands::default() }));
+            row = Some(self.cycle.step(
+                1,
+                OperatorInputs {
+                    stop,
+                    rearm: !stop,
+                    ..OperatorInputs::default()
+                },
+            ));
         });
-        assert_eq!((counted.count_total, counted.bytes_total), (0, 0), "the cycle allocated");
+        assert_eq!(
+            (counted.count_total, counted.bytes_total),
+            (0, 0),
+            "the cycle allocated"
+        );
         row.unwrap()
     }
 
     /// One tick with the owner's answer in it.
-    fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
+    fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> TickRecord<N> {
         let frame = client.frame(mode, [nm; N]);
         client.send_bytes(&frame);
         await_bytes(&mut self.cycle, frame.len());
@@ -89,19 +129,30 @@ fn the_counter_counts() {
 
 #[test]
 fn the_cycle_allocates_nothing() {
-    allocates_nothing(Server::<3, L2_MOTORS>::start(&RobotFile::builtin_l2().unwrap(), Transport::Stream));
+    allocates_nothing(Server::<3, L2_MOTORS>::start(
+        &RobotFile::builtin_l2().unwrap(),
+        Transport::Stream,
+    ));
 }
 
 #[test]
 fn nor_does_it_with_six_axes() {
-    allocates_nothing(Server::<6, F1_MOTORS>::start(&RobotFile::builtin_f1().unwrap(), Transport::Stream));
+    allocates_nothing(Server::<6, F1_MOTORS>::start(
+        &RobotFile::builtin_f1().unwrap(),
+        Transport::Stream,
+    ));
 }
 
 /// Pairs with play and bias, encoders, latency and supervision.
 #[test]
 fn nor_does_it_with_drives_that_are_not_ideal() {
     let mut robot = RobotFile::builtin_f1().unwrap();
-    robot.drives = Some(Drives { bias_permille: 200, backlash_um: 20.0, friction_n: 30.0, ..Drives::default() });
+    robot.drives = Some(DriveKeys {
+        bias_permille: 200,
+        backlash_um: 20.0,
+        friction_n: 30.0,
+        ..DriveKeys::default()
+    });
     allocates_nothing(Server::<6, F1_MOTORS>::start(&robot, Transport::Stream));
 }
 
@@ -110,8 +161,9 @@ fn nor_does_it_with_drives_that_are_not_ideal() {
 fn nor_does_it_over_udp() {
     let robot = RobotFile::builtin_l2().unwrap();
     let mut server = Server::<3, L2_MOTORS>::start(&robot, Transport::Datagram);
-    let peer = || Client::<3>::over_datagrams(server.cycle.address().unwrap());
-    let (mut owner, mut others): (_, [_; 8]) = (peer(), std::array::from_fn(|_| peer()));
+    let address = server.cycle.address().unwrap();
+    let [mut owner, mut others @ ..]: [_; 9] =
+        std::array::from_fn(|_| Client::<3>::over_datagrams(address));
     owner.say_hello();
     wait_for("the Welcome", || server.tick(false).welcomed);
     owner.welcome();
@@ -133,7 +185,10 @@ fn nor_does_it_over_udp() {
     let counters = row.state.counters;
     assert!(counters.malformed > 100, "{counters:?}");
     assert_eq!(row.state.phase, Phase::Submit);
-    assert_eq!(others[1].receive(), Some(ServerMessage::Refusal(Refusal::Busy)));
+    assert_eq!(
+        others[1].receive(),
+        Some(ServerMessage::Refusal(Refusal::Busy))
+    );
     owner.send_bytes(&[]);
     wait_for("the silence's end", || server.tick(false).ended.is_some());
 }
@@ -150,7 +205,11 @@ fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
     for _ in 0..10 {
         server.answered(&mut client, Mode::Submit, 1_000);
     }
-    let pull = Load { step: 1, force_n: [200.0, 0.0, 0.0], moment_nm: [0.0; 3] };
+    let pull = Load {
+        step: 1,
+        force_n: [200.0, 0.0, 0.0],
+        moment_nm: [0.0; 3],
+    };
     server.hand.set(&pull).unwrap();
     let mut noise = Noise::new(5);
     let mut crowd = Vec::new();

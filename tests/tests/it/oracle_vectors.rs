@@ -1,4 +1,5 @@
-//! Core's presets against the oracle vectors, where `solve` does not say it: `solve_vectors` asks everything else.
+//! Core's presets against the oracle vectors, where `solve` does not say it: `solve_vectors` asks
+//! everything else.
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
@@ -68,7 +69,10 @@ pub(crate) fn close(ours: &[f64], reference: &[f64], tolerance: f64, what: &str)
     let magnitude = reference.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     assert_eq!(ours.len(), reference.len(), "{what}");
     for (a, b) in ours.iter().zip(reference) {
-        assert!((a - b).abs() <= tolerance * magnitude, "{what}: {ours:?} {reference:?}");
+        assert!(
+            (a - b).abs() <= tolerance * magnitude,
+            "{what}: {ours:?} {reference:?}"
+        );
     }
 }
 
@@ -85,7 +89,11 @@ fn l2_agrees() {
     let compensator = l2::Compensator::new(
         &kinematics,
         &springs,
-        CompensatorConfig { gain: 1.0, limits: [OffsetNm(2_000_000); 3], metres_per_q: [1.0; 3] },
+        CompensatorConfig {
+            gain: 1.0,
+            limits: [OffsetNm(2_000_000); 3],
+            metres_per_q: [1.0; 3],
+        },
     )
     .unwrap();
     for case in Case::all("l2") {
@@ -119,12 +127,18 @@ fn l2_agrees() {
 
 #[test]
 fn f1_agrees() {
-    let geometry = f1::Geometry { travel: None, ..presets::f1() };
+    let geometry = f1::Geometry {
+        travel: None,
+        ..presets::f1()
+    };
     let kinematics = f1::Kinematics::new(&f1::Robot::new(geometry).unwrap());
     let actuators = numbers(&vectors()["f1"]["c_act"]);
     let springs = Compliances::new(numbers(&vectors()["c_link"]), actuators).unwrap();
     for case in Case::all("f1") {
-        let pose = Pose { position_m: case.tcp(), rotation: Matrix3::from_row_slice(&case.get::<9>("R")) };
+        let pose = Pose {
+            position_m: case.tcp(),
+            rotation: Matrix3::from_row_slice(&case.get::<9>("R")),
+        };
         let (q, load) = (case.get("q"), case.load());
         let inverse = kinematics.inverse(&pose, None).unwrap();
         case.agrees("q", inverse.value);
@@ -134,7 +148,10 @@ fn f1_agrees() {
 
         let lines = kinematics.line_matrix(&pose, &q).unwrap();
         let jacobian = lines.jacobian().unwrap().transpose();
-        case.agrees("tau", lines.cart_loads(&lines.link_forces_n(&load).unwrap()));
+        case.agrees(
+            "tau",
+            lines.cart_loads(&lines.link_forces_n(&load).unwrap()),
+        );
         // tau = J^T w.
         let work = jacobian * Vector6::from(load.to_array());
         case.agrees::<6>("tau", work.into());

@@ -1,5 +1,6 @@
-//! T12, second leg: the linked core contains no panic path. A release staticlib whose panic handler calls a missing function
-//! is built with cargo; the missing symbol must not be in it. The control build links one panic and must be caught.
+//! T12, second leg: the linked core contains no panic path. A release staticlib whose panic handler
+//! calls a missing function is built with cargo; the missing symbol must not be in it. The control
+//! build links one panic and must be caught.
 
 use std::path::Path;
 use std::process::Command;
@@ -23,13 +24,19 @@ fn build(features: &[&str]) -> Vec<u8> {
         .status()
         .unwrap();
     assert!(status.success());
-    let name = if cfg!(windows) { "panic_probe.lib" } else { "libpanic_probe.a" };
+    let name = if cfg!(windows) {
+        "panic_probe.lib"
+    } else {
+        "libpanic_probe.a"
+    };
     std::fs::read(target.join("release").join(name)).unwrap()
 }
 
 /// True if the archive mentions the symbol: a name in a symbol table is plain text.
 fn mentions(archive: &[u8], symbol: &str) -> bool {
-    archive.windows(symbol.len()).any(|window| window == symbol.as_bytes())
+    archive
+        .windows(symbol.len())
+        .any(|window| window == symbol.as_bytes())
 }
 
 #[test]

@@ -1,16 +1,15 @@
-//! Ports whose places are all taken: readers that read nothing lose theirs, those of one address share with others, and who comes again and
-//! again displaces nobody that reads.
+//! Ports whose places are all taken: readers that read nothing lose theirs, those of one address
+//! share with others, and who comes again and again displaces none that reads.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::AtomicBool;
 
-use gantry_tau::monitor::Monitor;
-use gantry_tau::monitor::web::{Web, figures};
-use gantry_tau::readers::READERS;
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::sensor_link::{Sample, SensorPublisher, SensorReader};
-use gantry_tau::server::connections::Allowed;
+use gantry_tau::monitor::ServerMonitor;
+use gantry_tau::monitor::web::Web;
+use gantry_tau_server::links::Allowed;
+use gantry_tau_server::links::sensor::{Sample, SensorPublisher, SensorReader};
+use gantry_tau_server::links::subscribers::MAX_SUBSCRIBERS;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::{DEADLINE, wait_for};
 use socket2::{Domain, Socket, Type};
@@ -25,7 +24,10 @@ struct Port {
 
 impl Port {
     fn new() -> Self {
-        Self { publisher: SensorPublisher::bind(LOOPBACK).unwrap(), tick: 0 }
+        Self {
+            publisher: SensorPublisher::bind(LOOPBACK).unwrap(),
+            tick: 0,
+        }
     }
 
     fn address(&self) -> SocketAddr {
@@ -34,7 +36,10 @@ impl Port {
 
     fn tick(&mut self) {
         self.tick += 1;
-        self.publisher.publish(&Sample { tick: self.tick, wrench: [0.0; 6] });
+        self.publisher.publish(&Sample {
+            tick: self.tick,
+            wrench: [0.0; 6],
+        });
     }
 
     /// A reader that has its first sample.
@@ -51,7 +56,9 @@ impl Port {
 /// A connection from another loopback address.
 fn from(host: u8, port: SocketAddr) -> TcpStream {
     let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
-    socket.bind(&SocketAddr::from(([127, 0, 0, host], 0)).into()).unwrap();
+    socket
+        .bind(&SocketAddr::from(([127, 0, 0, host], 0)).into())
+        .unwrap();
     socket.connect_timeout(&port.into(), DEADLINE).unwrap();
     socket.into()
 }
@@ -60,8 +67,10 @@ fn from(host: u8, port: SocketAddr) -> TcpStream {
 #[test]
 fn readers_that_read_nothing_lose_their_places() {
     let mut port = Port::new();
-    let _idle: Vec<_> = (0..2 * READERS).map(|_| TcpStream::connect(port.address()).unwrap()).collect();
-    for _ in 0..READERS {
+    let _idle: Vec<_> = (0..2 * MAX_SUBSCRIBERS)
+        .map(|_| TcpStream::connect(port.address()).unwrap())
+        .collect();
+    for _ in 0..MAX_SUBSCRIBERS {
         port.tick();
     }
     // It waits until one of them is behind.
@@ -84,7 +93,7 @@ fn readers_that_read_nothing_lose_their_places() {
 #[test]
 fn a_reader_that_reads_is_not_displaced_by_others_that_come_again_and_again() {
     let mut port = Port::new();
-    let mut readers: Vec<_> = (0..READERS).map(|_| port.reader()).collect();
+    let mut readers: Vec<_> = (0..MAX_SUBSCRIBERS).map(|_| port.reader()).collect();
     let mut strangers = Vec::new();
     for round in 0..300 {
         strangers.push(TcpStream::connect(port.address()).unwrap());
@@ -93,7 +102,9 @@ fn a_reader_that_reads_is_not_displaced_by_others_that_come_again_and_again() {
         }
         port.tick();
         for reader in &mut readers {
-            wait_for("the sample", || reader.latest().unwrap().unwrap().tick == port.tick);
+            wait_for("the sample", || {
+                reader.latest().unwrap().unwrap().tick == port.tick
+            });
         }
     }
 }
@@ -103,7 +114,7 @@ fn a_reader_that_reads_is_not_displaced_by_others_that_come_again_and_again() {
 #[test]
 fn an_address_with_all_places_shares_them_and_no_more() {
     let mut port = Port::new();
-    let mut readers: Vec<_> = (0..READERS).map(|_| port.reader()).collect();
+    let mut readers: Vec<_> = (0..MAX_SUBSCRIBERS).map(|_| port.reader()).collect();
     let mut strangers = Vec::new();
     for _ in 0..50 {
         strangers.push(from(2, port.address()));
@@ -111,30 +122,33 @@ fn an_address_with_all_places_shares_them_and_no_more() {
             port.tick();
         }
     }
-    let served = |stream: &mut TcpStream| {
-        stream.set_nonblocking(true).unwrap();
-        matches!(stream.read(&mut [0; 56]), Ok(count) if count > 0)
-    };
     wait_for("a place for the other address", || {
         port.tick();
-        strangers.iter_mut().any(served)
+        strangers.iter_mut().any(|stream| {
+            stream.set_nonblocking(true).unwrap();
+            matches!(stream.read(&mut [0; 56]), Ok(count) if count > 0)
+        })
     });
     // The first two of the four have kept theirs.
-    for reader in &mut readers[..READERS / 2] {
-        wait_for("the sample", || reader.latest().unwrap().unwrap().tick == port.tick);
+    for reader in &mut readers[..MAX_SUBSCRIBERS / 2] {
+        wait_for("the sample", || {
+            reader.latest().unwrap().unwrap().tick == port.tick
+        });
     }
 }
 
 /// A page without a server.
 struct Page {
     web: Web,
-    monitor: Monitor,
+    monitor: ServerMonitor,
 }
 
 impl Page {
     fn new() -> Self {
-        let figures = figures(RobotFile::builtin_l2().unwrap()).unwrap();
-        Self { web: Web::bind(LOOPBACK, Allowed::all(), figures).unwrap(), monitor: Monitor::of(LOOPBACK) }
+        Self {
+            web: Web::bind(LOOPBACK, Allowed::all(), None).unwrap(),
+            monitor: ServerMonitor::of(LOOPBACK),
+        }
     }
 
     fn address(&self) -> SocketAddr {
@@ -143,7 +157,10 @@ impl Page {
 
     /// Asks for a resource, and reads the status of the answer; empty if there is none.
     fn ask(&mut self, mut stream: TcpStream, resource: &str) -> (TcpStream, String) {
-        let asked = format!("GET {resource} HTTP/1.1\r\nHost: {}\r\n\r\n", self.address());
+        let asked = format!(
+            "GET {resource} HTTP/1.1\r\nHost: {}\r\n\r\n",
+            self.address()
+        );
         stream.write_all(asked.as_bytes()).unwrap();
         stream.set_nonblocking(true).unwrap();
         let mut answer = Vec::new();
@@ -157,7 +174,14 @@ impl Page {
             }
             answer.contains(&b'\n')
         });
-        (stream, String::from_utf8_lossy(&answer).lines().next().unwrap_or_default().to_owned())
+        (
+            stream,
+            String::from_utf8_lossy(&answer)
+                .lines()
+                .next()
+                .unwrap_or_default()
+                .to_owned(),
+        )
     }
 }
 
@@ -166,8 +190,15 @@ impl Page {
 fn thirty_two_readers_keep_nobody_from_the_page() {
     let mut page = Page::new();
     let address = page.address();
-    let readers: Vec<_> = (0..32).map(|_| page.ask(TcpStream::connect(address).unwrap(), "/live")).collect();
-    assert!(readers.iter().all(|(_, status)| status == "HTTP/1.1 200 OK"), "{readers:?}");
+    let readers: Vec<_> = (0..32)
+        .map(|_| page.ask(TcpStream::connect(address).unwrap(), "/live"))
+        .collect();
+    assert!(
+        readers
+            .iter()
+            .all(|(_, status)| status == "HTTP/1.1 200 OK"),
+        "{readers:?}"
+    );
     for _ in 0..3 {
         let (_, status) = page.ask(TcpStream::connect(address).unwrap(), "/");
         assert_eq!(status, "HTTP/1.1 200 OK");

@@ -1,8 +1,9 @@
-//! A server that is told to end: it does when zero is in force at the drives, and otherwise says what is not.
+//! A server that is to end: it does when zero is in force at the drives, and otherwise says
+//! what is not.
 
-use gantry_tau::server::ServerError;
-use gantry_tau::state::{FirstRun, Place, State};
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_server::server::ServerError;
+use gantry_tau_server::state::{FirstRun, MachineState, StatePlace, StopLatch};
 use gantry_tau_tests::fake_plant::Bus;
 use gantry_tau_tests::server_fixture::{ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::offsets;
@@ -24,10 +25,18 @@ fn with_a_dead_bus_it_says_what_the_drives_hold() {
     bus.record().write_fails = true;
     let ended = server.spawn().quit();
     let held = vec![offsets(850, -70, 2), offsets(0, 0, 0)];
-    assert_eq!(ended, Err(ServerError::StillInForce { offsets: held.clone() }));
+    assert_eq!(
+        ended,
+        Err(ServerError::StillInForce {
+            offsets: held.clone()
+        })
+    );
     assert_eq!(bus.in_force().to_vec(), held);
     let said = ended.unwrap_err().to_string();
-    assert!(said.contains("axis 1: 850 nm, -70 um/s, 2 per mille"), "{said}");
+    assert!(
+        said.contains("axis 1: 850 nm, -70 um/s, 2 per mille"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -47,19 +56,27 @@ fn it_waits_for_a_bus_that_comes_back() {
     assert_eq!(bus.in_force(), [offsets(0, 0, 0); 2]);
 }
 
+/// The latch as it was left.
+fn open(place: &StatePlace) -> StopLatch {
+    MachineState::own(place, "test")
+        .unwrap()
+        .begin(FirstRun::Harmless)
+        .unwrap()
+        .latch
+}
+
 /// A quit ramps as a stop does, and is none; one that was pressed before stays.
 #[test]
 fn a_quit_is_no_stop() {
     let folder = tempfile::tempdir().unwrap();
-    let place = Place::named(&folder.path().join("epoch"));
-    let open = || State::own(&place, "test").unwrap().begin(FirstRun::Harmless).unwrap().latch;
-    let server = ServerFixture::<2>::with_latch(Bus::default(), open()).spawn();
+    let place = StatePlace::named(&folder.path().join("epoch"));
+    let server = ServerFixture::<2>::with_latch(Bus::default(), open(&place)).spawn();
     assert!(server.quit().is_ok());
-    assert!(!open().is_latched());
-    let mut server = ServerFixture::<2>::with_latch(Bus::default(), open());
+    assert!(!open(&place).is_latched());
+    let mut server = ServerFixture::<2>::with_latch(Bus::default(), open(&place));
     server.step_stopped();
     assert!(server.spawn().quit().is_ok());
-    assert!(open().is_latched());
+    assert!(open(&place).is_latched());
 }
 
 /// Found from outside: "listening on" was printed, and then that the drives cannot be enabled.

@@ -1,5 +1,5 @@
-//! The six-axis machine over its workspace: there and back, and every pose that is refused has a reason that is looked for
-//! independently.
+//! The six-axis machine over its workspace: there and back, and every pose that is refused has a
+//! reason that is looked for independently.
 
 use std::collections::BTreeMap;
 
@@ -39,12 +39,20 @@ struct Workspace {
 
 impl Workspace {
     fn draw(&self, draw: &mut Draw) -> Pose {
-        let turned = |vector| rotation_from_vector(&vector).unwrap();
         let (across, turn) = (self.across_m, self.turn_rad);
         let (yaw, tilt) = (draw.next() * turn, draw.next() * turn);
-        let position_m = Vector3::new(draw.next() * across, draw.next() * across, draw.next() * 0.5);
-        let in_step = turned(Vector3::z() * yaw) * turned(Vector3::y() * tilt);
-        Pose { position_m, rotation: in_step * turned(draw.vector(self.out_of_step_rad)) }
+        let position_m = Vector3::new(
+            draw.next() * across,
+            draw.next() * across,
+            draw.next() * 0.5,
+        );
+        let out_of_step = draw.vector(self.out_of_step_rad);
+        let [yaw, tilt, out_of_step] = [Vector3::z() * yaw, Vector3::y() * tilt, out_of_step]
+            .map(|vector| rotation_from_vector(&vector).unwrap());
+        Pose {
+            position_m,
+            rotation: yaw * tilt * out_of_step,
+        }
     }
 }
 
@@ -54,8 +62,12 @@ fn apart(one: &Pose, other: &Pose) -> f64 {
 
 /// A solution that the inverse finds from one of many other starts of the plates.
 fn found_elsewhere(kinematics: &f1::Kinematics, pose: &Pose) -> bool {
-    let angles = || (-6..=6).map(|step| f64::from(step) * 0.1);
-    let mut starts = angles().flat_map(|q4| angles().flat_map(move |q5| angles().map(move |q6| [q4, q5, q6])));
+    let angles = [-6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6].map(|step| f64::from(step) * 0.1);
+    let mut starts = angles.into_iter().flat_map(|q4| {
+        angles
+            .into_iter()
+            .flat_map(move |q5| angles.map(|q6| [q4, q5, q6]))
+    });
     starts.any(|start| kinematics.inverse_in_assembly(pose, Some(start)).is_ok())
 }
 
@@ -72,7 +84,11 @@ struct Outcome {
     worst: f64,
 }
 
-fn there_and_back(kinematics: &f1::Kinematics, workspace: &Workspace, elsewhere: impl Fn(&Pose) -> bool) -> Outcome {
+fn there_and_back(
+    kinematics: &f1::Kinematics,
+    workspace: &Workspace,
+    elsewhere: impl Fn(&Pose) -> bool,
+) -> Outcome {
     let mut draw = Draw(Noise::new(1));
     let mut outcome = Outcome::default();
     for _ in 0..POSES {
@@ -97,7 +113,9 @@ fn there_and_back(kinematics: &f1::Kinematics, workspace: &Workspace, elsewhere:
         ] {
             let kind = back.as_ref().map_or_else(KinematicsError::kind, |_| "ok");
             *outcome.forward.entry(kind).or_default() += 1;
-            outcome.worst = back.map_or(outcome.worst, |back| outcome.worst.max(apart(&back.value, &pose)));
+            outcome.worst = back.map_or(outcome.worst, |back| {
+                outcome.worst.max(apart(&back.value, &pose))
+            });
         }
     }
     println!("{outcome:?}");
@@ -107,20 +125,34 @@ fn there_and_back(kinematics: &f1::Kinematics, workspace: &Workspace, elsewhere:
 #[test]
 fn every_pose_of_the_workspace_leads_there_and_back() {
     let kinematics = robots::f1(robots::f1_geometry()).unwrap();
-    let workspace = Workspace { across_m: 0.4, turn_rad: 0.3, out_of_step_rad: 0.05 };
-    let outcome = there_and_back(&kinematics, &workspace, |pose| found_elsewhere(&kinematics, pose));
+    let workspace = Workspace {
+        across_m: 0.4,
+        turn_rad: 0.3,
+        out_of_step_rad: 0.05,
+    };
+    let outcome = there_and_back(&kinematics, &workspace, |pose| {
+        found_elsewhere(&kinematics, pose)
+    });
     // The few that are refused have no answer from 2 197 other starts either.
     assert!(outcome.inverse["ok"] > POSES - 50 && outcome.missed == 0);
-    assert_eq!(outcome.forward, BTreeMap::from([("ok", 3 * outcome.inverse["ok"])]));
+    assert_eq!(
+        outcome.forward,
+        BTreeMap::from([("ok", 3 * outcome.inverse["ok"])])
+    );
     assert!(outcome.worst < 1e-10);
 }
 
-/// Far beyond what the plates can do: most poses are refused. What is answered is answered rightly, in the same assembly mode;
-/// near the singularities that bound it, the stated residual of 1e-9 m is a pose off by micrometres.
+/// Far beyond what the plates can do: most poses are refused. What is answered is answered rightly,
+/// in the same assembly mode; near the singularities that bound it, the stated residual of 1e-9 m
+/// is a pose off by micrometres.
 #[test]
 fn no_pose_beyond_the_workspace_leads_to_another() {
     let kinematics = robots::f1(robots::f1_geometry()).unwrap();
-    let wide = Workspace { across_m: 0.8, turn_rad: 0.5, out_of_step_rad: 0.1 };
+    let wide = Workspace {
+        across_m: 0.8,
+        turn_rad: 0.5,
+        out_of_step_rad: 0.1,
+    };
     let outcome = there_and_back(&kinematics, &wide, |_| false);
     assert!(outcome.inverse["ok"] > POSES / 2 && outcome.inverse["unreachable"] > POSES / 4);
     assert!(outcome.forward["ok"] > 3 * outcome.inverse["ok"] - 100);

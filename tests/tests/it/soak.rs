@@ -23,18 +23,31 @@ fn six_axes_with_a_budget_and_every_cause() {
 /// Every tick is audited where it is made; what is left is that everything has happened.
 fn everything_has_happened(summary: &Summary, causes: &[Cause]) {
     for cause in causes {
-        assert!(summary.ends.contains_key(&format!("{cause:?}")), "no {cause:?}: {summary:?}");
+        assert!(
+            summary.ends.contains_key(&format!("{cause:?}")),
+            "no {cause:?}: {summary:?}"
+        );
     }
     for fault in Fault::ALL {
-        assert!(summary.faults.contains_key(&fault.to_string()), "no {fault}: {summary:?}");
+        assert!(
+            summary.faults.contains_key(&fault.to_string()),
+            "no {fault}: {summary:?}"
+        );
     }
-    assert!(summary.sessions > 100 && summary.obtained > 50, "{summary:?}");
+    assert!(
+        summary.sessions > 100 && summary.obtained > 50,
+        "{summary:?}"
+    );
     assert!(summary.refused > 10, "{summary:?}");
     // The limit is reached, and not exceeded.
-    assert_eq!(summary.largest_external_change_nm, summary.external_limit_nm);
+    assert_eq!(
+        summary.largest_external_change_nm,
+        summary.external_limit_nm
+    );
 }
 
-/// In a process of its own: the memory and files that are counted are a process', and tests beside this one have theirs.
+/// In a process of its own: the memory and files that are counted are a process', and tests beside
+/// this one have theirs.
 #[test]
 fn three_seconds_over_real_sockets() {
     if std::env::var_os("GANTRY_TAU_ALONE").is_none() {
@@ -44,7 +57,10 @@ fn three_seconds_over_real_sockets() {
             .output()
             .unwrap();
         let text = String::from_utf8_lossy(&output.stdout);
-        return assert!(output.status.success() && text.contains("1 passed"), "{text}");
+        return assert!(
+            output.status.success() && text.contains("1 passed"),
+            "{text}"
+        );
     }
     let minutes = real_time::run(Duration::from_secs(3), 5, |_| {});
     let summary = &minutes.summary;

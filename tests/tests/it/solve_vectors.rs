@@ -27,7 +27,12 @@ fn ask(request: &Value) -> Value {
 /// The answer has these numbers, to a relative 1e-9.
 fn agree(answer: &Value, name: &str, reference: &Value) {
     assert!(!answer["ok"][name].is_null(), "{answer}");
-    close(&flatten(&answer["ok"][name]), &flatten(reference), 1e-9, name);
+    close(
+        &flatten(&answer["ok"][name]),
+        &flatten(reference),
+        1e-9,
+        name,
+    );
 }
 
 #[test]
@@ -42,7 +47,8 @@ fn every_l2_case_agrees_inline_and_by_file() {
             agree(&ik, "q", q);
             assert_eq!(ik["ok"]["iterations"], 0);
             assert!(ik["ok"]["residual"].as_f64().unwrap() < 1e-12);
-            let fk = ask(&json!({"robot": robot, "op": "fk", "q": q, "seed": {"T": t, "R": identity}}));
+            let fk =
+                ask(&json!({"robot": robot, "op": "fk", "q": q, "seed": {"T": t, "R": identity}}));
             agree(&fk, "T", t);
             agree(&fk, "R", &identity);
             assert!(fk["ok"]["residual"].as_f64().unwrap() < 1e-12);
@@ -79,28 +85,43 @@ fn every_f1_case_agrees() {
             agree(&fk, "R", r);
             assert!(fk["ok"]["residual"].as_f64().unwrap() < 1e-10);
         }
-        let of = |op: &str| ask(&json!({"robot": f1(), "op": op, "T": t, "R": r, "w": w}));
-        agree(&of("jacobian"), "J", &case["J"]);
-        agree(&of("statics"), "f", &case["f"]);
-        agree(&of("statics"), "tau", &case["tau"]);
-        let deflection = of("deflection");
+        let [jacobian, statics, deflection, compliance, compensate] = [
+            "jacobian",
+            "statics",
+            "deflection",
+            "compliance",
+            "compensate",
+        ]
+        .map(|op| ask(&json!({"robot": f1(), "op": op, "T": t, "R": r, "w": w})));
+        agree(&jacobian, "J", &case["J"]);
+        agree(&statics, "f", &case["f"]);
+        agree(&statics, "tau", &case["tau"]);
         agree(&deflection, "r", &case["r"]);
         agree(&deflection, "dx_links", &case["dx_links"]);
-        agree(&deflection, "dx_total", &product(&of("compliance")["ok"]["C"], w));
-        agree(&of("compensate"), "q", &case["q_comp"]);
+        agree(&deflection, "dx_total", &product(&compliance["ok"]["C"], w));
+        agree(&compensate, "q", &case["q_comp"]);
     }
+}
+
+fn with(mut robot: Value, key: &str, value: Value) -> Value {
+    robot[key] = value;
+    robot
+}
+
+fn ik(robot: Value, t: &Value) -> Value {
+    json!({"robot": robot, "op": "ik", "T": t})
+}
+
+fn fk(robot: Value, q: &Value) -> Value {
+    json!({"robot": robot, "op": "fk", "q": q})
 }
 
 #[test]
 fn errors_of_the_f1_have_their_kind() {
-    let with = |key: &str, value: Value| {
-        let mut robot = f1();
-        robot[key] = value;
-        robot
-    };
-    let (t, q) = (json!([0.0, 0.0, 0.3]), json!([1.5, 1.5, 1.5, 0.0, 0.0, 0.0]));
-    let ik = |robot: Value, t: &Value| json!({"robot": robot, "op": "ik", "T": t});
-    let fk = |robot: Value, q: Value| json!({"robot": robot, "op": "fk", "q": q});
+    let (t, q) = (
+        json!([0.0, 0.0, 0.3]),
+        json!([1.5, 1.5, 1.5, 0.0, 0.0, 0.0]),
+    );
     let crossed = json!([[0.1, -0.15, 0.03], [0.2, 0.15, 0.03]]);
     let mut unequal = f1()["b"].clone();
     unequal[1] = crossed[0].clone();
@@ -109,23 +130,38 @@ fn errors_of_the_f1_have_their_kind() {
     for (request, kind) in [
         (ik(f1(), &json!([5.0, 0.0, 0.3])), "unreachable"),
         (ik(f1(), &json!([1e300, 0.0, 0.3])), "unreachable"),
-        (ik(with("travel", travel), &t), "out_of_range"),
-        (ik(with("ax", json!([0, 0, 0])), &t), "bad_robot"),
-        (ik(with("sigma4", json!(0.5)), &t), "bad_robot"),
-        (ik(with("P", json!([[0, 0, 0]])), &t), "bad_robot"),
-        (ik(with("L", json!([1.7, 1.7])), &t), "bad_robot"),
-        (json!({"robot": f1(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), "bad_request"),
-        (json!({"robot": f1(), "op": "ik", "T": t, "seed": [1, 2]}), "bad_request"),
-        (fk(f1(), json!([9.0, 1.5, 1.5, 0.0, 0.0, 0.0])), "unreachable"),
-        (fk(with("b", unequal), q.clone()), "seed_required"),
-        (json!({"robot": f1(), "op": "fk", "q": q, "seed": {"T": [0.0, 0.0, 3.0]}}), "unreachable"),
-        (json!({"robot": with("c_act", Value::Null), "op": "compliance", "T": t}), "bad_robot"),
+        (ik(with(f1(), "travel", travel), &t), "out_of_range"),
+        (ik(with(f1(), "ax", json!([0, 0, 0])), &t), "bad_robot"),
+        (ik(with(f1(), "sigma4", json!(0.5)), &t), "bad_robot"),
+        (ik(with(f1(), "P", json!([[0, 0, 0]])), &t), "bad_robot"),
+        (ik(with(f1(), "L", json!([1.7, 1.7])), &t), "bad_robot"),
+        (
+            json!({"robot": f1(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}),
+            "bad_request",
+        ),
+        (
+            json!({"robot": f1(), "op": "ik", "T": t, "seed": [1, 2]}),
+            "bad_request",
+        ),
+        (
+            fk(f1(), &json!([9.0, 1.5, 1.5, 0.0, 0.0, 0.0])),
+            "unreachable",
+        ),
+        (fk(with(f1(), "b", unequal), &q), "seed_required"),
+        (
+            json!({"robot": f1(), "op": "fk", "q": q, "seed": {"T": [0.0, 0.0, 3.0]}}),
+            "unreachable",
+        ),
+        (
+            json!({"robot": with(f1(), "c_act", Value::Null), "op": "compliance", "T": t}),
+            "bad_robot",
+        ),
     ] {
         let answer = ask(&request);
         assert_eq!(answer["error"]["kind"], kind, "{request} {answer}");
     }
     // One length per arm says the same as one per link.
-    let arms = ask(&ik(with("L", json!([1.7, 1.7, 1.7])), &t));
+    let arms = ask(&ik(with(f1(), "L", json!([1.7, 1.7, 1.7])), &t));
     assert_eq!(arms, ask(&ik(f1(), &t)));
     let links = json!([1.0, 1.1, 1.1, 1.0, 1.0, 1.0]);
     let mut l2 = robot();
@@ -139,7 +175,9 @@ fn errors_of_the_f1_have_their_kind() {
 fn product(matrix: &Value, vector: &Value) -> Value {
     let x = flatten(vector);
     let matrix = flatten(matrix);
-    let rows = matrix.chunks(x.len()).map(|row| row.iter().zip(&x).map(|(a, b)| a * b).sum::<f64>());
+    let rows = matrix
+        .chunks(x.len())
+        .map(|row| row.iter().zip(&x).map(|(a, b)| a * b).sum::<f64>());
     rows.collect::<Vec<_>>().into()
 }
 
@@ -153,48 +191,85 @@ fn numbers_survive_the_way_out_and_back() {
         let far = [flatten(&fk["ok"]["T"]), flatten(&again["ok"]["q"])].concat();
         let text = serde_json::to_string(&far).unwrap();
         let back: Vec<f64> = serde_json::from_str(&text).unwrap();
-        assert!(far.iter().zip(&back).all(|(a, b)| a.to_bits() == b.to_bits()));
+        assert!(
+            far.iter()
+                .zip(&back)
+                .all(|(a, b)| a.to_bits() == b.to_bits())
+        );
         agree(&again, "q", &ik["ok"]["q"]);
     }
 }
 
 #[test]
 fn errors_have_their_kind() {
-    let with = |key: &str, value: Value| {
-        let mut robot = robot();
-        robot[key] = value;
-        robot
-    };
     let t = json!([0.0, 0.5, 0.65]);
-    let ik = |robot: Value, t: Value| json!({"robot": robot, "op": "ik", "T": t});
     for (request, kind) in [
-        (ik(robot(), json!([0.0, 1.5, 0.6])), "unreachable"),
-        (ik(robot(), json!([0.0, -0.6, 0.6])), "unreachable"),
-        (ik(robot(), json!([0.0, 1.0, 1.25])), "singular"),
-        (ik(robot(), json!([1e300, 0.5, 0.6])), "unreachable"),
-        (ik(with("travel", json!([[0, 1], [-2, 2], [0, 0.1]])), t.clone()), "out_of_range"),
-        (ik(with("travel", json!([[1, 0], [0, 1], [0, 1]])), t.clone()), "bad_robot"),
-        (ik(with("model", "f1".into()), t.clone()), "bad_robot"),
-        (ik(with("model", Value::Null), t.clone()), "bad_robot"),
-        (ik(with("L", json!([1.0, 1.1])), t.clone()), "bad_robot"),
-        (ik(with("L", json!([1.0, 1.1, -1.0])), t.clone()), "bad_robot"),
-        (ik(with("c", json!([1, 0, 1])), t.clone()), "bad_robot"),
-        (ik(with("V", json!([[1, 0, 0], [0, 0, 0], [1, 0, 0]])), t.clone()), "bad_robot"),
-        (ik("no/such/file.toml".into(), t.clone()), "bad_robot"),
-        (ik(7.into(), t.clone()), "bad_request"),
-        (ik(robot(), json!([0.0, 0.5])), "bad_request"),
-        (ik(robot(), json!([0.0, 0.5, null])), "bad_request"),
-        (ik(robot(), Value::Null), "bad_request"),
-        (json!({"robot": robot(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), "bad_request"),
-        (json!({"robot": robot(), "op": "ik", "T": t, "R": [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}), "bad_robot"),
-        (json!({"robot": robot(), "op": "fk", "q": [0, 50, 0]}), "unreachable"),
-        (json!({"robot": robot(), "op": "dance", "T": t}), "bad_request"),
+        (ik(robot(), &json!([0.0, 1.5, 0.6])), "unreachable"),
+        (ik(robot(), &json!([0.0, -0.6, 0.6])), "unreachable"),
+        (ik(robot(), &json!([0.0, 1.0, 1.25])), "singular"),
+        (ik(robot(), &json!([1e300, 0.5, 0.6])), "unreachable"),
+        (
+            ik(
+                with(robot(), "travel", json!([[0, 1], [-2, 2], [0, 0.1]])),
+                &t,
+            ),
+            "out_of_range",
+        ),
+        (
+            ik(with(robot(), "travel", json!([[1, 0], [0, 1], [0, 1]])), &t),
+            "bad_robot",
+        ),
+        (ik(with(robot(), "model", "f1".into()), &t), "bad_robot"),
+        (ik(with(robot(), "model", Value::Null), &t), "bad_robot"),
+        (ik(with(robot(), "L", json!([1.0, 1.1])), &t), "bad_robot"),
+        (
+            ik(with(robot(), "L", json!([1.0, 1.1, -1.0])), &t),
+            "bad_robot",
+        ),
+        (ik(with(robot(), "c", json!([1, 0, 1])), &t), "bad_robot"),
+        (
+            ik(
+                with(robot(), "V", json!([[1, 0, 0], [0, 0, 0], [1, 0, 0]])),
+                &t,
+            ),
+            "bad_robot",
+        ),
+        (ik("no/such/file.toml".into(), &t), "bad_robot"),
+        (ik(7.into(), &t), "bad_request"),
+        (ik(robot(), &json!([0.0, 0.5])), "bad_request"),
+        (ik(robot(), &json!([0.0, 0.5, null])), "bad_request"),
+        (ik(robot(), &Value::Null), "bad_request"),
+        (
+            json!({"robot": robot(), "op": "ik", "T": t, "R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}),
+            "bad_request",
+        ),
+        (
+            json!({"robot": robot(), "op": "ik", "T": t, "R": [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}),
+            "bad_robot",
+        ),
+        (
+            json!({"robot": robot(), "op": "fk", "q": [0, 50, 0]}),
+            "unreachable",
+        ),
+        (
+            json!({"robot": robot(), "op": "dance", "T": t}),
+            "bad_request",
+        ),
         (json!({"robot": robot(), "op": 3, "T": t}), "bad_request"),
         (json!({"robot": robot(), "T": t}), "bad_request"),
         (json!({"op": "ik", "T": t}), "bad_request"),
-        (json!({"robot": robot(), "op": "statics", "T": t}), "bad_request"),
-        (json!({"robot": with("c_cart", Value::Null), "op": "compliance", "T": t}), "bad_robot"),
-        (json!({"robot": with("c_cart", json!([1e-8, -1e-8, 1e-8])), "op": "compliance", "T": t}), "bad_robot"),
+        (
+            json!({"robot": robot(), "op": "statics", "T": t}),
+            "bad_request",
+        ),
+        (
+            json!({"robot": with(robot(), "c_cart", Value::Null), "op": "compliance", "T": t}),
+            "bad_robot",
+        ),
+        (
+            json!({"robot": with(robot(), "c_cart", json!([1e-8, -1e-8, 1e-8])), "op": "compliance", "T": t}),
+            "bad_robot",
+        ),
         (
             json!({"robot": robot(), "op": "statics", "T": t, "w": [1e308, 1e308, 1e308, 1e308, 1e308, 1e308]}),
             "not_finite",
@@ -211,7 +286,11 @@ fn errors_have_their_kind() {
 fn errors_of_a_robot_name_the_key() {
     for (key, value, said) in [
         ("L", json!([1.0, 1.1]), "L: "),
-        ("L", json!([1.0, 1.1, 1.2, 1.0, 1.0, 1.0]), "L differs within a cluster"),
+        (
+            "L",
+            json!([1.0, 1.1, 1.2, 1.0, 1.0, 1.0]),
+            "L differs within a cluster",
+        ),
         ("c", json!([1, 0, 1]), "c[1] is 0; expected 1 or -1"),
         ("V", json!([[1, 0, 0], [0, 0, 0], [1, 0, 0]]), "V[1] "),
         ("c_cart", json!([1e-8, -1e-8, 1e-8]), "c_cart[1] "),
@@ -224,9 +303,13 @@ fn errors_of_a_robot_name_the_key() {
     }
 }
 
+/// A request with an answer.
+fn good(id: Value) -> String {
+    json!({"id": id, "robot": robot(), "op": "ik", "T": [0.0, 0.5, 0.65]}).to_string()
+}
+
 #[test]
 fn every_line_is_answered_in_order() {
-    let good = |id: Value| json!({"id": id, "robot": robot(), "op": "ik", "T": [0.0, 0.5, 0.65]}).to_string();
     let mut input = Vec::new();
     for line in [
         good(json!("first")).into_bytes(),
@@ -248,7 +331,10 @@ fn every_line_is_answered_in_order() {
     let mut output = Vec::new();
     run(input.as_slice(), &mut output).unwrap();
     let text = String::from_utf8(output).unwrap();
-    let answers: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let answers: Vec<Value> = text
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
     assert_eq!(answers.len(), 10, "{text}");
     let ids: Vec<&Value> = answers.iter().map(|answer| &answer["id"]).collect();
     assert_eq!(*ids[0], json!("first"));

@@ -1,13 +1,15 @@
-//! Every cause of Fault times every end of a server, before, during and after each other: a stop is never forgotten, and a quit is none.
+//! Every cause of Fault times every end of a server, before, during and after each other: a stop is
+//! never forgotten, and a quit is none.
 
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Duration;
 
-use gantry_tau::server::cycle::{Demands, Row};
-use gantry_tau::state::{FirstRun, LatchFlusher, Place, State, StopLatch};
 use gantry_tau_core::control::message::{ClientMessage, Phase};
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::cycle::OperatorInputs;
+use gantry_tau_server::state::{FirstRun, LatchFlusher, MachineState, StatePlace, StopLatch};
 use gantry_tau_tests::fake_plant::Bus;
 use gantry_tau_tests::server_fixture::{NOMINAL_STEP_NM, ServerFixture};
 use gantry_tau_tests::session_fixture::SessionFixture;
@@ -39,14 +41,20 @@ enum Stop {
 }
 
 impl Stop {
-    const ALL: [Self; 6] =
-        [Self::None, Self::AtTheMachine, Self::ByTheOwner, Self::Nominal, Self::FailedRead, Self::RefusedWrite];
+    const ALL: [Self; 6] = [
+        Self::None,
+        Self::AtTheMachine,
+        Self::ByTheOwner,
+        Self::Nominal,
+        Self::FailedRead,
+        Self::RefusedWrite,
+    ];
 }
 
 /// End of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// Told to end, until it may.
+    /// Asked to end, until it may.
     Quit,
     /// Killed between two ticks.
     Kill,
@@ -78,8 +86,14 @@ enum Time {
 }
 
 impl Time {
-    const ALL: [Self; 6] =
-        [Self::Before, Self::BeforeAndRearmed, Self::AtFirst, Self::During, Self::AtLast, Self::AtTheEnd];
+    const ALL: [Self; 6] = [
+        Self::Before,
+        Self::BeforeAndRearmed,
+        Self::AtFirst,
+        Self::During,
+        Self::AtLast,
+        Self::AtTheEnd,
+    ];
 }
 
 /// A latch on disk, and a server in Obtain that has it.
@@ -89,15 +103,16 @@ struct Bench {
     flusher: LatchFlusher,
     /// Contents of the latch when it was last flushed.
     flushed: String,
-    /// Told to end.
+    /// Asked to end.
     quit: bool,
 }
 
-/// The latch of a server that begins, written by a thread as that of `serve`. The lock is given back at once: killed servers are no owners.
+/// The latch of a server that begins, written by a thread as that of `serve`. The lock is given
+/// back at once: killed servers are not owners.
 fn open(folder: &Path) -> StopLatch {
-    let state = State::own(&Place::named(&folder.join("epoch")), "test").unwrap();
+    let state = MachineState::own(&StatePlace::named(&folder.join("epoch")), "test").unwrap();
     let mut latch = state.begin(FirstRun::Harmless).unwrap().latch;
-    // A busy machine is no disk that hangs.
+    // A busy machine is not a disk that hangs.
     latch.start_writer(Duration::from_secs(120)).unwrap();
     latch
 }
@@ -111,7 +126,13 @@ impl Bench {
         let server = ServerFixture::with_latch(bus.clone(), latch);
         bus.record().latch = Some(folder.path().join("epoch.stop"));
         let session = SessionFixture::submitted_on(server).obtain(OFFSETS);
-        Self { folder, session, flusher, flushed: "released\n".to_owned(), quit: false }
+        Self {
+            folder,
+            session,
+            flusher,
+            flushed: "released\n".to_owned(),
+            quit: false,
+        }
     }
 
     /// Contents of the latch.
@@ -120,19 +141,27 @@ impl Bench {
     }
 
     /// One tick.
-    fn step(&mut self, stop: bool) -> Row<2> {
-        let row = self.session.server.step_with(1, Demands { stop, quit: self.quit, ..Demands::default() });
+    fn step(&mut self, stop: bool) -> TickRecord<2> {
+        let row = self.session.server.step_with(
+            1,
+            OperatorInputs {
+                stop,
+                quit: self.quit,
+                ..OperatorInputs::default()
+            },
+        );
         self.see(&row);
         row
     }
 
-    fn see(&mut self, row: &Row<2>) {
+    fn see(&mut self, row: &TickRecord<2>) {
         if self.flusher.see(row.latched, row.latch_lost) {
             self.flushed = self.latch();
         }
     }
 
-    /// One tick in which this asserts a stop, which the file has before the drives have the references.
+    /// One tick in which this asserts a stop, which the file has before the drives have the
+    /// references.
     fn assert_stop(&mut self, stop: Stop) {
         let bus = self.session.server.bus.clone();
         match stop {
@@ -154,7 +183,11 @@ impl Bench {
         bus.record().read_fails = false;
         if stop != Stop::None {
             assert_eq!((row.state.phase, row.latched), (Phase::Fault, true));
-            assert_eq!(bus.record().latch_at_write, "stopped \n", "latched after the drives were written");
+            assert_eq!(
+                bus.record().latch_at_write,
+                "stopped \n",
+                "latched after the drives were written"
+            );
         }
     }
 
@@ -178,7 +211,9 @@ impl Bench {
         self.quit = quits;
         for tick in 0..RAMP {
             match (time, tick) {
-                (Time::AtFirst, 0) | (Time::During, DURING) | (Time::AtLast, LAST) => self.assert_stop(stop),
+                (Time::AtFirst, 0) | (Time::During, DURING) | (Time::AtLast, LAST) => {
+                    self.assert_stop(stop)
+                }
                 _ => drop(self.step(false)),
             }
         }
@@ -208,7 +243,13 @@ impl Bench {
 
     /// The next server on this machine: its folder, and its phase at the start.
     fn restart(self, end: End) -> (tempfile::TempDir, ServerFixture<2>) {
-        let Self { folder, session, flusher, flushed, .. } = self;
+        let Self {
+            folder,
+            session,
+            flusher,
+            flushed,
+            ..
+        } = self;
         let bus = session.server.bus.clone();
         drop((session, flusher));
         if end == End::PowerLoss {
@@ -226,11 +267,16 @@ impl Bench {
 fn a_stop_is_never_forgotten_and_a_quit_is_none() {
     let mut cases = 0;
     for stop in Stop::ALL {
-        for (time, end) in Time::ALL.into_iter().flat_map(|time| End::ALL.map(|end| (time, end))) {
+        for (time, end) in Time::ALL
+            .into_iter()
+            .flat_map(|time| End::ALL.map(|end| (time, end)))
+        {
             for quits in [false, true] {
                 let no_stop_to_rearm = stop == Stop::None && time == Time::BeforeAndRearmed;
-                // A quit is what a server is told; the reference that is refused in its last write was never written.
-                let unheard = end == End::KillInWrite && time == Time::AtTheEnd && stop == Stop::RefusedWrite;
+                // A quit is asked of a server; the reference that is refused in its last write
+                // was never written.
+                let unheard =
+                    end == End::KillInWrite && time == Time::AtTheEnd && stop == Stop::RefusedWrite;
                 if no_stop_to_rearm || unheard || (end == End::Quit && !quits) {
                     continue;
                 }
@@ -238,7 +284,7 @@ fn a_stop_is_never_forgotten_and_a_quit_is_none() {
                 bench.run(stop, time, end, quits);
                 let (_folder, server) = bench.restart(end);
                 let is_stopped = stop != Stop::None && time != Time::BeforeAndRearmed;
-                let case = format!("{stop:?}, {time:?}, {end:?}, told to quit: {quits}");
+                let case = format!("{stop:?}, {time:?}, {end:?}, asked to quit: {quits}");
                 assert_eq!(server.phase() == Phase::Fault, is_stopped, "{case}");
                 cases += 1;
             }

@@ -1,19 +1,21 @@
-//! The F1 with its platform turned: the sensor turns along, so that weight and load are told apart as well as unturned.
+//! The F1 with its platform turned: the sensor turns along, so that weight and load are distinguished
+//! as well as unturned.
 
-use gantry_tau::client::Compensation;
-use gantry_tau::model::{F1, F1_MOTORS};
-use gantry_tau::plant::{Plant, ToolReading};
-use gantry_tau::robot_file::{RobotFile, Tool};
-use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
-use gantry_tau::sim::machine::SimulatedMachine;
-use gantry_tau::sim::parameters::Motion;
+use gantry_tau_client::Compensation;
 use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{Capabilities, Welcome};
 use gantry_tau_core::model::f1::AXES;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_machine::model::{F1, F1_MOTORS};
+use gantry_tau_machine::robot_file::{RobotFile, ToolKeys};
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::plant::{Plant, ToolReading};
+use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
+use gantry_tau_sim::machine::SimulatedMachine;
 use nalgebra::Vector3;
 
 /// Ticks after which drives, filter and platform are at rest: ten time constants of the slowest.
@@ -31,30 +33,41 @@ struct Bench {
 }
 
 /// 5 kg, 15 cm below the tool centre point.
-const TOOL: Tool = Tool { weight_n: [0.0, 0.0, -49.05], centre_m: [0.03, -0.02, -0.15] };
+const TOOL: ToolKeys = ToolKeys {
+    weight_n: [0.0, 0.0, -49.05],
+    centre_m: [0.03, -0.02, -0.15],
+};
 
-/// The machine of `robots/f1.toml` with exact springs, no play, hardly any noise, and a tool of 5 kg.
+/// The machine of `robots/f1.toml` with exact springs, no play, hardly any noise, and a tool of 5
+/// kg.
 fn robot() -> RobotFile<F1, AXES> {
     let mut robot = RobotFile::builtin_f1().unwrap();
     robot.sensor.tool = TOOL;
     robot.simulation.spring_deviation = 0.0;
     robot.simulation.jump_gap_m = 0.0;
-    (robot.simulation.force_noise_n, robot.simulation.moment_noise_nm) = (1e-6, 1e-6);
+    (
+        robot.simulation.force_noise_n,
+        robot.simulation.moment_noise_nm,
+    ) = (1e-6, 1e-6);
     robot
 }
 
 /// Positions of the axes at home with the platform turned like this, metres.
 fn turned(robot: &RobotFile<F1, AXES>, [yaw, tilt]: [f64; 2]) -> [f64; AXES] {
-    let turn = |vector| rotation_from_vector(&vector).unwrap();
-    let rotation = turn(Vector3::z() * yaw) * turn(Vector3::y() * tilt);
-    let pose = Pose { position_m: robot.simulation.home_m.into(), rotation };
+    let [yaw, tilt] = [Vector3::z() * yaw, Vector3::y() * tilt]
+        .map(|vector| rotation_from_vector(&vector).unwrap());
+    let pose = Pose {
+        position_m: robot.simulation.home_m.into(),
+        rotation: yaw * tilt,
+    };
     let q = robot.model.inverse_in_assembly(&pose, None).unwrap().value;
     std::array::from_fn(|axis| q[axis] * robot.metres_per_q[axis])
 }
 
 impl Bench {
-    /// Tares at home with the platform unturned, and goes to the turned pose. The client takes the tool for `known`.
-    fn in_pose(turn: [f64; 2], known: Tool, gain: f64) -> Self {
+    /// Tares at home with the platform unturned, and goes to the turned pose. The client takes the
+    /// tool for `known`.
+    fn in_pose(turn: [f64; 2], known: ToolKeys, gain: f64) -> Self {
         let robot = robot();
         let motion = Motion::BackAndForth {
             waypoints_m: vec![turned(&robot, turn)],
@@ -63,7 +76,7 @@ impl Bench {
             dwell_cycles: 10_000,
         };
         let (hand, applied) = load_generator();
-        let machine = robot.simulated_machine(applied, motion).unwrap();
+        let machine = SimulatedMachine::from_robot(&robot, applied, motion).unwrap();
         let welcome = Welcome {
             epoch: Epoch(1),
             tick: Tick(0),
@@ -78,7 +91,13 @@ impl Bench {
         client.sensor.tool = known;
         client.client.gain = gain;
         let compensation = Compensation::new(&client, &welcome).unwrap();
-        let mut bench = Self { machine, compensation, motors, hand, offsets: [OffsetNm(0); AXES] };
+        let mut bench = Self {
+            machine,
+            compensation,
+            motors,
+            hand,
+            offsets: [OffsetNm(0); AXES],
+        };
         bench.run(10_000 + WAY);
         bench
     }
@@ -89,13 +108,19 @@ impl Bench {
         for _ in 0..cycles {
             let reading = self.machine.read(1).unwrap();
             let tool = reading.tool.unwrap();
-            self.offsets = self.compensation.cycle(&tool.sensor, &reading.nominal).unwrap().offsets;
+            self.offsets = self
+                .compensation
+                .cycle(&Wrench::from_array(tool.sensor), &reading.nominal)
+                .unwrap()
+                .offsets;
             let parts: [InForce; AXES] = std::array::from_fn(|axis| InForce {
                 nominal: reading.nominal[axis],
                 offsets: Offsets::position(self.offsets[axis]),
             });
             let references = self.motors.axis_of_motor().map(|axis| Reference {
-                position: PositionNm(parts[axis].nominal.0 + i64::from(parts[axis].offsets.position.0)),
+                position: PositionNm(
+                    parts[axis].nominal.0 + i64::from(parts[axis].offsets.position.0),
+                ),
                 velocity_offset: VelocityUmS(0),
                 torque_offset: TorquePermille(0),
             });
@@ -107,7 +132,13 @@ impl Bench {
 
     /// Pulls at the tool with 300 N.
     fn pull(&mut self) -> ToolReading {
-        self.hand.set(&Load { step: 1, force_n: [300.0, 0.0, 0.0], moment_nm: [0.0; 3] }).unwrap();
+        self.hand
+            .set(&Load {
+                step: 1,
+                force_n: [300.0, 0.0, 0.0],
+                moment_nm: [0.0; 3],
+            })
+            .unwrap();
         self.run(SETTLED)
     }
 }
@@ -137,14 +168,21 @@ fn a_tool_that_is_known_weighs_nothing_in_any_pose() {
         let mut bench = Bench::in_pose(turn, TOOL, 1.0);
         let idle = bench.run(SETTLED);
         let load = bench.compensation.load();
-        assert!(load.iter().all(|component| component.abs() < 1e-5), "{turn:?}: {load:?}");
+        assert!(
+            load.to_array()
+                .iter()
+                .all(|component| component.abs() < 1e-5),
+            "{turn:?}: {load:?}"
+        );
         assert!(length_m(&idle) < 2e-9, "{turn:?}: {idle:?}");
     }
 }
 
-/// Its weight is part of the tare then, and comes back as a load where the platform turns; the page of the robot files says so.
+/// Its weight is part of the tare then, and comes back as a load where the platform turns; the page
+/// of the robot files says so.
 #[test]
 fn a_tool_that_is_not_known_comes_back_as_a_load() {
-    let displaced = TURNS.map(|turn| length_m(&Bench::in_pose(turn, Tool::default(), 1.0).run(SETTLED)));
+    let displaced =
+        TURNS.map(|turn| length_m(&Bench::in_pose(turn, ToolKeys::default(), 1.0).run(SETTLED)));
     assert!(displaced[0] < 2e-9 && displaced[1] > 50e-6, "{displaced:?}");
 }

@@ -1,9 +1,8 @@
 //! `wire.md` against the encoder and decoder.
 
-use gantry_tau::measurements::springs;
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::{gauge_link, record_link};
 use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::links::{self, gauges};
 
 use crate::fuzz_seeds::streams::command;
 
@@ -30,38 +29,56 @@ fn the_worked_example_of_the_specification_holds() {
 #[test]
 fn the_specification_names_the_sizes_of_the_gauge_link() {
     let page = include_str!("../../../wire.md");
-    let (_, section) = page.split_once("## The gauges of the simulated machine").unwrap();
+    let (_, section) = page
+        .split_once("## The gauges of the simulated machine")
+        .unwrap();
     let (section, _) = section.split_once("\n## ").unwrap();
-    let (head, longest, gauges) = (gauge_link::HEAD, record_link::LONGEST, springs::MAX_GAUGES);
-    for expected in [format!("{head} bytes"), format!("at most {longest}"), format!("at most {gauges}")] {
+    let (head, longest, most) = (gauges::HEAD, links::MAX_RECORD, gauges::MAX_GAUGES);
+    for expected in [
+        format!("{head} bytes"),
+        format!("at most {longest}"),
+        format!("at most {most}"),
+    ] {
         assert!(section.contains(&expected), "{expected}");
     }
+}
+
+fn numbers(value: &toml::Value) -> Vec<f64> {
+    match value {
+        toml::Value::Array(values) => values.iter().flat_map(numbers).collect(),
+        toml::Value::Integer(sign) => vec![if *sign < 0 { -1.0 } else { 1.0 }],
+        other => vec![other.as_float().unwrap()],
+    }
+}
+
+/// Checksum of these keys of a robot file, of a rotation and of `metres_per_q`.
+fn checksum(text: &str, before: &[&str], rotation: &[f64]) -> u32 {
+    let file: toml::Table = toml::from_str(text).unwrap();
+    let mut all: Vec<f64> = before.iter().flat_map(|key| numbers(&file[*key])).collect();
+    all.extend(rotation);
+    all.extend(numbers(&file["axes"]["metres_per_q"]));
+    // Zeros without sign.
+    let bytes: Vec<u8> = all
+        .iter()
+        .flat_map(|number| (number + 0.0).to_le_bytes())
+        .collect();
+    gantry_tau_tests::client::crc32(&bytes)
 }
 
 /// The checksum of the kinematics, computed from robot files as the page says.
 #[test]
 fn the_checksum_is_that_of_the_specification() {
-    fn numbers(value: &toml::Value) -> Vec<f64> {
-        match value {
-            toml::Value::Array(values) => values.iter().flat_map(numbers).collect(),
-            toml::Value::Integer(sign) => vec![if *sign < 0 { -1.0 } else { 1.0 }],
-            other => vec![other.as_float().unwrap()],
-        }
-    }
-    let checksum = |text: &str, before: &[&str], rotation: &[f64]| {
-        let file: toml::Table = toml::from_str(text).unwrap();
-        let mut all: Vec<f64> = before.iter().flat_map(|key| numbers(&file[*key])).collect();
-        all.extend(rotation);
-        all.extend(numbers(&file["axes"]["metres_per_q"]));
-        // Zeros without sign.
-        let bytes: Vec<u8> = all.iter().flat_map(|number| (number + 0.0).to_le_bytes()).collect();
-        gantry_tau_tests::client::crc32(&bytes)
-    };
     let l2 = include_str!("../../../robots/l2.toml");
     let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let said = checksum(l2, &["A0", "V", "b", "L", "c", "cf"], &identity);
     assert_eq!(RobotFile::builtin_l2().unwrap().checksum(), said);
     let f1 = include_str!("../../../robots/f1.toml");
-    let said = checksum(f1, &["C", "V", "P", "b", "L", "c", "ax", "ax6", "sigma4", "sigma5"], &[]);
+    let said = checksum(
+        f1,
+        &[
+            "C", "V", "P", "b", "L", "c", "ax", "ax6", "sigma4", "sigma5",
+        ],
+        &[],
+    );
     assert_eq!(RobotFile::builtin_f1().unwrap().checksum(), said);
 }

@@ -1,5 +1,8 @@
-//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser, the reader of MCAP, another MainDevice of EtherCAT or systemd: the C interface, the firmware, the
-//! client in Python and on Windows, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT bus, the service. A test whose tool is missing is reported as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser, the
+//! reader of MCAP, another MainDevice of EtherCAT, systemd or Debian's tools: the C interface, the
+//! firmware, the client in Python and on Windows, the modules for LinuxCNC, the page of the monitor,
+//! recordings, the EtherCAT bus, the service, the package. A test whose tool is missing is reported
+//! as ignored, with the name of the tool.
 
 mod capi;
 #[cfg(target_os = "linux")]
@@ -9,6 +12,8 @@ mod firmware;
 mod linuxcnc;
 mod mcap;
 mod monitor;
+#[cfg(target_os = "linux")]
+mod package;
 mod python;
 #[cfg(target_os = "linux")]
 mod service;
@@ -18,7 +23,12 @@ mod windows;
 use libtest_mimic::Arguments;
 
 fn main() {
-    let arguments = Arguments::from_args();
+    let mut arguments = Arguments::from_args();
+    // As Rust's own harness.
+    let threads = std::env::var("RUST_TEST_THREADS").ok();
+    arguments.test_threads = arguments
+        .test_threads
+        .or(threads.and_then(|threads| threads.parse().ok()));
     let mut trials = firmware::trials();
     trials.extend(capi::trials());
     trials.extend(mcap::trials());
@@ -31,6 +41,8 @@ fn main() {
     trials.extend(ethercat::trials());
     #[cfg(target_os = "linux")]
     trials.extend(service::trials());
+    #[cfg(target_os = "linux")]
+    trials.extend(package::trials());
     let conclusion = libtest_mimic::run(&arguments, trials);
     #[cfg(target_os = "linux")]
     linuxcnc::remove_folder();

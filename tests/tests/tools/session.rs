@@ -1,25 +1,33 @@
-//! A server of the simulated L2 in lock-step, programs that connect to it, and its record, judged tick by tick.
-#![allow(clippy::arithmetic_side_effects, clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+//! A server of the simulated L2 in lock-step, programs that connect to it, and its record, judged
+//! tick by tick.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
 
 use std::net::SocketAddr;
 use std::process::{Child, Output};
 use std::time::{Duration, Instant};
 
-use gantry_tau::model::{L2_MOTORS, MachineKind};
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::sensor_link::SensorPublisher;
-use gantry_tau::server::Server;
-use gantry_tau::server::cycle::{Cycle, Row};
-use gantry_tau::server::tick_source::TickSource;
-use gantry_tau::sim::load_generator::load_generator;
-use gantry_tau::sim::load_profile::LoadProfile;
-use gantry_tau::sim::parameters::Motion;
-use gantry_tau::sim::workpiece::Workpiece;
-use gantry_tau::state::StopLatch;
 use gantry_tau_core::Monitor;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_machine::model::{L2_MOTORS, MachineKind};
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::links::sensor::SensorPublisher;
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::Server;
+use gantry_tau_server::server::cycle::Cycle;
+use gantry_tau_server::server::tick_source::TickSource;
+use gantry_tau_server::state::StopLatch;
+use gantry_tau_sim::load_generator::load_generator;
+use gantry_tau_sim::load_profile::LoadProfile;
+use gantry_tau_sim::machine::SimulatedMachine;
+use gantry_tau_sim::workpiece::Workpiece;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
 /// Longest life of a program and wait for a row.
@@ -38,10 +46,10 @@ pub(crate) enum Tool {
 pub(crate) struct Session {
     server: Server<ARMS>,
     sensor: SocketAddr,
-    observer: rtrb::Consumer<Row<ARMS>>,
+    observer: rtrb::Consumer<TickRecord<ARMS>>,
     monitor: Monitor<ARMS>,
     load: LoadProfile,
-    pub(crate) rows: Vec<Row<ARMS>>,
+    pub(crate) rows: Vec<TickRecord<ARMS>>,
 }
 
 impl Session {
@@ -49,11 +57,13 @@ impl Session {
     pub(crate) fn new(tool: Tool) -> Self {
         let robot = RobotFile::builtin_l2().unwrap();
         let (hand, applied) = load_generator();
-        let mut machine = robot.simulated_machine::<L2_MOTORS>(applied, Motion::Hold).unwrap();
+        let mut machine =
+            SimulatedMachine::<3, L2_MOTORS>::from_robot(&robot, applied, Motion::Hold).unwrap();
         let (force_max_n, seconds) = match tool {
             Tool::Steps(force_max_n, seconds) => (force_max_n, seconds),
             Tool::Above(n_per_m) => {
-                machine = machine.above(Workpiece::below(&robot.simulation.home_m, n_per_m, 50e-6).unwrap());
+                machine = machine
+                    .above(Workpiece::below(&robot.simulation.home_m, n_per_m, 50e-6).unwrap());
                 (0.0, 1.0)
             }
         };
@@ -64,7 +74,14 @@ impl Session {
         let travel = robot.limits.map(|axis| axis.machine_travel);
         let monitor = Monitor::new(robot.limits.map(|axis| axis.limits), Some(travel));
         let load = LoadProfile::new(hand, force_max_n, seconds);
-        Self { server, sensor: address, observer, monitor, load, rows: Vec::new() }
+        Self {
+            server,
+            sensor: address,
+            observer,
+            monitor,
+            load,
+            rows: Vec::new(),
+        }
     }
 
     /// Addresses of server and force sensor.
@@ -78,8 +95,10 @@ impl Session {
     }
 
     /// Takes the next row; what the drives were written is within the limits.
-    fn take(&mut self) -> bool {
-        let Ok(row) = self.observer.pop() else { return false };
+    fn next_row(&mut self) -> bool {
+        let Ok(row) = self.observer.pop() else {
+            return false;
+        };
         let judged = self.monitor.check_tick(&row.state, &row.references);
         assert_eq!(judged, Ok(()), "{:?}", row.state);
         self.load.update(row.state.phase, row.state.tick);
@@ -88,15 +107,15 @@ impl Session {
     }
 
     /// Takes rows until one is as wanted.
-    pub(crate) fn until(&mut self, what: &str, wanted: impl Fn(&Row<ARMS>) -> bool) {
+    pub(crate) fn until(&mut self, what: &str, wanted: impl Fn(&TickRecord<ARMS>) -> bool) {
         let since = Instant::now();
         loop {
-            if self.take() {
+            if self.next_row() {
                 if self.rows.last().is_some_and(&wanted) {
                     return;
                 }
             } else {
-                assert!(since.elapsed() < PATIENCE, "waited in vain for {what}");
+                assert!(since.elapsed() < PATIENCE, "waited too long for {what}");
                 std::thread::sleep(Duration::from_millis(1));
             }
         }
@@ -106,7 +125,7 @@ impl Session {
     pub(crate) fn end_of(&mut self, mut program: Child) -> (Option<i32>, String) {
         let since = Instant::now();
         while program.try_wait().unwrap().is_none() {
-            if !self.take() {
+            if !self.next_row() {
                 std::thread::sleep(Duration::from_millis(1));
             }
             if since.elapsed() > PATIENCE {
@@ -114,16 +133,20 @@ impl Session {
                 panic!("it runs too long: {:?}", program.wait_with_output());
             }
         }
-        let Output { status, stdout, stderr } = program.wait_with_output().unwrap();
+        let Output {
+            status,
+            stdout,
+            stderr,
+        } = program.wait_with_output().unwrap();
         let text = [stdout, stderr].map(|bytes| String::from_utf8(bytes).unwrap());
         (status.code(), text.concat())
     }
 
-    /// Waits until the server has ended the session, with all offsets at zero, and returns the cause.
+    /// Waits until the server has ended the session, with all offsets at zero, and returns the
+    /// cause.
     pub(crate) fn ramped(&mut self) -> Cause {
-        let ended = |row: &Row<ARMS>| row.ended.is_some();
-        if !self.rows.iter().any(ended) {
-            self.until("the end of the session", ended);
+        if !self.rows.iter().any(|row| row.ended.is_some()) {
+            self.until("the end of the session", |row| row.ended.is_some());
         }
         let cause = self.rows.iter().rev().find_map(|row| row.ended).unwrap();
         self.until("the end of the ramp", |row| row.state.ramp_ticks_left == 0);
@@ -137,28 +160,50 @@ impl Session {
 
     /// Offsets in force in the last row, nm.
     pub(crate) fn offsets_nm(&self) -> [i32; ARMS] {
-        self.rows.last().unwrap().state.axes.map(|axis| axis.offsets.position.0)
+        self.rows
+            .last()
+            .unwrap()
+            .state
+            .axes
+            .map(|axis| axis.offsets.position.0)
     }
 
     /// Rows in Obtain.
-    pub(crate) fn obtained(&self) -> Vec<&Row<ARMS>> {
-        self.rows.iter().filter(|row| row.state.phase == Phase::Obtain).collect()
+    pub(crate) fn obtained(&self) -> Vec<&TickRecord<ARMS>> {
+        self.rows
+            .iter()
+            .filter(|row| row.state.phase == Phase::Obtain)
+            .collect()
     }
 
     /// Ends the server; no row was lost.
-    pub(crate) fn quit(self) -> Vec<Row<ARMS>> {
+    pub(crate) fn quit(self) -> Vec<TickRecord<ARMS>> {
         drop(self.observer);
-        assert_eq!(self.server.controls.dropped_rows.load(std::sync::atomic::Ordering::Relaxed), 0);
+        assert_eq!(
+            self.server
+                .controls
+                .dropped_rows
+                .load(std::sync::atomic::Ordering::Relaxed),
+            0
+        );
         self.server.quit().unwrap();
         self.rows
     }
 }
 
-fn cycle<K: MachineKind<ARMS>, P: gantry_tau::plant::Plant<ARMS, L2_MOTORS>>(
+fn cycle<K: MachineKind<ARMS>, P: gantry_tau_server::plant::Plant<ARMS, L2_MOTORS>>(
     robot: &RobotFile<K, ARMS>,
     machine: P,
 ) -> Cycle<ARMS, L2_MOTORS, P> {
     let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
     let motors = robot.motor_map().unwrap();
-    Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK).unwrap()
+    Cycle::new(
+        config,
+        motors,
+        machine,
+        EpochRange::VOLATILE,
+        StopLatch::volatile(),
+        LOOPBACK,
+    )
+    .unwrap()
 }

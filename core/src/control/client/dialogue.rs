@@ -76,16 +76,23 @@ impl<const N: usize> Dialogue<N> {
             transport,
             requirements,
             stage: Stage::Greeting { said: false },
-            ignored: Ignored { broken: 0, old: 0, other_epoch: 0, unexpected: 0 },
+            ignored: Ignored {
+                broken: 0,
+                old: 0,
+                other_epoch: 0,
+                unexpected: 0,
+            },
         }
     }
 
-    /// The invariant of a granted session, clause by clause: before the first State none waits and none ended the session;
-    /// States are not older than the Welcome; a session that goes on is in a live phase; after its end no State waits;
-    /// the count of the Goodbye is bounded.
+    /// The invariant of a granted session, clause by clause: before the first State none waits and
+    /// none ended the session; States are not older than the Welcome; a session that goes on is in
+    /// a live phase; after its end no State waits; the count of the Goodbye is bounded.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        let Stage::Granted(session) = &self.stage else { return true };
+        let Stage::Granted(session) = &self.stage else {
+            return true;
+        };
         let states = match session.last {
             None => !session.unanswered && !session.ended,
             Some(last) => {
@@ -99,18 +106,24 @@ impl<const N: usize> Dialogue<N> {
 
     /// Returns the Hello to send. Over streams a second one would be a protocol error.
     pub fn hello(&mut self) -> Option<Hello> {
-        let Stage::Greeting { said } = &mut self.stage else { return None };
+        let Stage::Greeting { said } = &mut self.stage else {
+            return None;
+        };
         if *said && self.transport == Transport::Stream {
             return None;
         }
         *said = true;
-        Some(Hello { axes: u8::try_from(N).unwrap_or(u8::MAX), capabilities: self.requirements.capabilities })
+        Some(Hello {
+            axes: u8::try_from(N).unwrap_or(u8::MAX),
+            capabilities: self.requirements.capabilities,
+        })
     }
 
     /// Takes a message of the server.
     ///
     /// # Errors
-    /// A message that breaks the protocol, over streams; terms that do not fit; a Goodbye without effect.
+    /// A message that breaks the protocol, over streams; terms that do not fit; a Goodbye without
+    /// effect.
     pub fn receive(&mut self, message: ServerMessage<N>) -> Result<Option<Event<N>>, ClientError> {
         match (&mut self.stage, message) {
             (Stage::Greeting { said: true }, ServerMessage::Welcome(welcome)) => {
@@ -140,15 +153,23 @@ impl<const N: usize> Dialogue<N> {
         }
     }
 
-    /// Returns the command that answers the newest State, and flags for targets that were cut to the limits of the Welcome.
-    pub fn answer(&mut self, mode: Mode, targets: &[Offsets; N]) -> Option<(Command<N>, [Saturated; N])> {
-        let Stage::Granted(session) = &mut self.stage else { return None };
+    /// Returns the command that answers the newest State, and flags for targets that were cut to
+    /// the limits of the Welcome.
+    pub fn answer(
+        &mut self,
+        mode: Mode,
+        targets: &[Offsets; N],
+    ) -> Option<(Command<N>, [Saturated; N])> {
+        let Stage::Granted(session) = &mut self.stage else {
+            return None;
+        };
         if !session.unanswered || session.leaving.is_some() {
             return None;
         }
         let last = session.last?;
         let sequence = Sequence(session.sequence.0.checked_add(1)?);
-        let submitted = session.sequence.0 > 0 && matches!(last.phase, Phase::Submit | Phase::Obtain);
+        let submitted =
+            session.sequence.0 > 0 && matches!(last.phase, Phase::Submit | Phase::Obtain);
         let mut command = Command {
             epoch: session.welcome.epoch,
             sequence,
@@ -172,9 +193,12 @@ impl<const N: usize> Dialogue<N> {
         Some((command, saturated))
     }
 
-    /// Returns the epoch of the Goodbye to send: the first, and over datagrams one for each State after it.
+    /// Returns the epoch of the Goodbye to send: the first, and over datagrams one for each State
+    /// after it.
     pub fn goodbye(&mut self) -> Option<Epoch> {
-        let Stage::Granted(session) = &mut self.stage else { return None };
+        let Stage::Granted(session) = &mut self.stage else {
+            return None;
+        };
         let again = self.transport == Transport::Datagram && session.unanswered;
         if session.ended || (session.leaving.is_some() && !again) {
             return None;
@@ -246,22 +270,36 @@ impl<const N: usize> Dialogue<N> {
 }
 
 impl<const N: usize> Granted<N> {
-    /// Checks that a State belongs to this session and is newer than the last one. The first may be of the Welcome's tick.
+    /// Checks that a State belongs to this session and is newer than the last one. The first may be
+    /// of the Welcome's tick.
     fn check(&self, state: &State<N>) -> Result<(), ClientError> {
         let expected = self.welcome.epoch;
         if state.epoch != expected {
-            return Err(ClientError::Epoch { expected, received: state.epoch });
+            return Err(ClientError::Epoch {
+                expected,
+                received: state.epoch,
+            });
         }
         let (is_new, expected) = match self.last {
             None => (state.tick >= self.welcome.tick, self.welcome.tick),
             Some(last) => (state.tick > last.tick, Tick(last.tick.0.saturating_add(1))),
         };
-        if is_new { Ok(()) } else { Err(ClientError::OldState { expected, received: state.tick }) }
+        if is_new {
+            Ok(())
+        } else {
+            Err(ClientError::OldState {
+                expected,
+                received: state.tick,
+            })
+        }
     }
 
     /// Takes note of a new State.
     fn note(&mut self, state: State<N>) -> Result<Event<N>, ClientError> {
-        self.last = Some(Last { tick: state.tick, phase: state.phase });
+        self.last = Some(Last {
+            tick: state.tick,
+            phase: state.phase,
+        });
         self.ended |= !is_live(state.phase);
         self.unanswered = !self.ended;
         if self.ended {
@@ -282,12 +320,17 @@ impl Requirements {
     fn check<const N: usize>(&self, welcome: &Welcome<N>) -> Result<(), ClientError> {
         let (received_us, received) = (welcome.cycle_us, welcome.kinematics_checksum);
         match (self.cycle_us, self.kinematics_checksum) {
-            (Some(expected_us), _) if expected_us != received_us => {
-                Err(ClientError::Cycle { expected_us, received_us })
+            (Some(expected_us), _) if expected_us != received_us => Err(ClientError::Cycle {
+                expected_us,
+                received_us,
+            }),
+            (_, Some(expected)) if expected != received => {
+                Err(ClientError::Checksum { expected, received })
             }
-            (_, Some(expected)) if expected != received => Err(ClientError::Checksum { expected, received }),
             _ if !self.capabilities.contains(welcome.capabilities) => {
-                Err(ClientError::Capability { needed: welcome.capabilities })
+                Err(ClientError::Capability {
+                    needed: welcome.capabilities,
+                })
             }
             _ => Ok(()),
         }
@@ -302,8 +345,12 @@ const fn is_live(phase: Phase) -> bool {
 #[cfg(kani)]
 impl<const N: usize> kani::Arbitrary for Dialogue<N> {
     fn any() -> Self {
-        let dialogue =
-            Self { transport: kani::any(), requirements: kani::any(), stage: kani::any(), ignored: kani::any() };
+        let dialogue = Self {
+            transport: kani::any(),
+            requirements: kani::any(),
+            stage: kani::any(),
+            ignored: kani::any(),
+        };
         kani::assume(dialogue.is_valid());
         kani::cover!(true, "some dialogues are valid");
         dialogue

@@ -66,23 +66,48 @@ impl fmt::Display for ClientError {
             Self::Frame(error) => write!(f, "the stream is broken: {error}"),
             Self::Content(error) => write!(f, "invalid message: {error}"),
             Self::Unexpected { received } => {
-                write!(f, "unexpected {received:?}: expected one answer to Hello, then States")
+                write!(
+                    f,
+                    "unexpected {received:?}: expected one answer to Hello, then States"
+                )
             }
             Self::OldState { expected, received } => {
-                write!(f, "expected a State of tick {} or later, got tick {}", expected.0, received.0)
+                write!(
+                    f,
+                    "expected a State of tick {} or later, got tick {}",
+                    expected.0, received.0
+                )
             }
             Self::Epoch { expected, received } => {
-                write!(f, "expected a State of epoch {}, got epoch {}", expected.0, received.0)
+                write!(
+                    f,
+                    "expected a State of epoch {}, got epoch {}",
+                    expected.0, received.0
+                )
             }
-            Self::Cycle { expected_us, received_us } => {
-                write!(f, "the server's cycle is {received_us} us, the client's is {expected_us} us")
+            Self::Cycle {
+                expected_us,
+                received_us,
+            } => {
+                write!(
+                    f,
+                    "the server's cycle is {received_us} us, the client's is {expected_us} us"
+                )
             }
             Self::Checksum { expected, received } => {
-                write!(f, "the server's machine has checksum {received:08x}, the client's has {expected:08x}")
+                write!(
+                    f,
+                    "the server's machine has checksum {received:08x}, the client's has {expected:08x}"
+                )
             }
-            Self::Capability { needed } => write!(f, "the server needs capabilities {:#06x}", needed.0),
+            Self::Capability { needed } => {
+                write!(f, "the server needs capabilities {:#06x}", needed.0)
+            }
             Self::GoodbyeUnheard { states } => {
-                write!(f, "the session goes on {states} States after the Goodbye; close the connection")
+                write!(
+                    f,
+                    "the session goes on {states} States after the Goodbye; close the connection"
+                )
             }
         }
     }

@@ -27,7 +27,8 @@ impl Saturated {
     }
 }
 
-/// Returns the targets nearest to the wanted ones within the limits, and flags for those that differ.
+/// Returns the targets nearest to the wanted ones within the limits, and flags for those that
+/// differ.
 pub(super) fn saturate(targets: &Offsets, limits: &AxisLimits) -> (Offsets, Saturated) {
     let cut = Offsets {
         position: nearest(targets.position, &limits.position),

@@ -1,5 +1,5 @@
-//! A client against a real endpoint, in memory, over streams and datagrams. Any turns in any order: `proofs`; lost,
-//! doubled and reordered datagrams: the soak of `tests`.
+//! A client against a real endpoint, in memory, over streams and datagrams. Any turns in any order:
+//! `proofs`; lost, doubled and reordered datagrams: the soak of `tests`.
 
 use std::vec::Vec as StdVec;
 
@@ -18,7 +18,11 @@ type Tested = Client<2>;
 const CHECKSUM: u32 = 0xfeed_f00d;
 
 fn requirements() -> Requirements {
-    Requirements { capabilities: Capabilities::NONE, cycle_us: Some(1_000), kinematics_checksum: Some(CHECKSUM) }
+    Requirements {
+        capabilities: Capabilities::NONE,
+        cycle_us: Some(1_000),
+        kinematics_checksum: Some(CHECKSUM),
+    }
 }
 
 /// A client that has said Hello.
@@ -36,8 +40,12 @@ struct Server {
 
 impl Server {
     fn new(transport: Transport) -> Self {
-        let axes = [20_000, 30_000].map(|max| axis(limits(max, 5_000, 10_000, 1_000), 1_000_000, 0));
-        let mut bench = Bench::new(Parameters { kinematics_checksum: CHECKSUM, ..Parameters::thesis(axes) });
+        let axes =
+            [20_000, 30_000].map(|max| axis(limits(max, 5_000, 10_000, 1_000), 1_000_000, 0));
+        let mut bench = Bench::new(Parameters {
+            kinematics_checksum: CHECKSUM,
+            ..Parameters::thesis(axes)
+        });
         let connection = bench.open(transport);
         Self { bench, connection }
     }
@@ -58,7 +66,12 @@ impl Server {
     }
 
     /// One tick over a stream that the client reads in pieces; returns what the client makes of it.
-    fn turn(&mut self, client: &mut Tested, frame: Option<FrameBytes>, piece: usize) -> StdVec<Event<2>> {
+    fn turn(
+        &mut self,
+        client: &mut Tested,
+        frame: Option<FrameBytes>,
+        piece: usize,
+    ) -> StdVec<Event<2>> {
         let received: StdVec<_> = frame.iter().map(|frame| frame.to_vec()).collect();
         let mut events = StdVec::new();
         for mut rest in self.tick(&received).concat().chunks(piece) {
@@ -75,7 +88,11 @@ impl Server {
 }
 
 fn far() -> [Offsets; 2] {
-    let far = Offsets { position: OffsetNm(i32::MIN), velocity: VelocityUmS(1_001), torque: TorquePermille(100) };
+    let far = Offsets {
+        position: OffsetNm(i32::MIN),
+        velocity: VelocityUmS(1_001),
+        torque: TorquePermille(100),
+    };
     [far, Offsets::position(OffsetNm(30_000))]
 }
 
@@ -101,7 +118,10 @@ fn a_session_over_a_stream_split_anywhere() {
                         phases.push(state.phase);
                     }
                     Event::Ended(state) => {
-                        assert_eq!((state.cause, state.phase), (Cause::Goodbye, Phase::SafeDisconnect));
+                        assert_eq!(
+                            (state.cause, state.phase),
+                            (Cause::Goodbye, Phase::SafeDisconnect)
+                        );
                     }
                 }
             }
@@ -110,17 +130,29 @@ fn a_session_over_a_stream_split_anywhere() {
                 let [first, second] = answer.saturated;
                 assert!(answer.is_saturated() && !second.any());
                 assert!(first.position && first.velocity && !first.torque);
-                let cut = Offsets { position: OffsetNm(-20_000), velocity: VelocityUmS(1_000), ..far()[0] };
+                let cut = Offsets {
+                    position: OffsetNm(-20_000),
+                    velocity: VelocityUmS(1_000),
+                    ..far()[0]
+                };
                 assert_eq!(answer.command.targets, [cut, far()[1]]);
                 assert!(!client.has_unanswered());
                 Some(answer.frame)
             } else {
-                client.goodbye().inspect(|_| assert!(client.goodbye().is_none(), "one Goodbye per stream"))
+                client
+                    .goodbye()
+                    .inspect(|_| assert!(client.goodbye().is_none(), "one Goodbye per stream"))
             };
-            assert!(client.answer(Mode::Submit, &far()).is_none(), "one answer per State");
+            assert!(
+                client.answer(Mode::Submit, &far()).is_none(),
+                "one answer per State"
+            );
         }
         assert!(client.is_gone());
-        assert_eq!(phases[..3], [Phase::Handshake, Phase::Submit, Phase::Obtain]);
+        assert_eq!(
+            phases[..3],
+            [Phase::Handshake, Phase::Submit, Phase::Obtain]
+        );
         assert!(client.is_at_boundary());
         assert_eq!(client.ignored(), Ignored::default());
         assert_eq!(server.state().counters.malformed, 0);
@@ -132,13 +164,20 @@ fn submit_is_asked_for_until_the_server_has_accepted_it() {
     let (mut client, mut server) = granted(Transport::Datagram);
     let modes = [true, true, false, false].map(|is_lost| {
         let answer = client.answer(Mode::Obtain, &at(0)).unwrap();
-        let received = if is_lost { StdVec::new() } else { std::vec![answer.frame.to_vec()] };
+        let received = if is_lost {
+            StdVec::new()
+        } else {
+            std::vec![answer.frame.to_vec()]
+        };
         for frame in server.tick(&received) {
             client.feed(&frame).1.unwrap();
         }
         answer.command.mode
     });
-    assert_eq!(modes, [Mode::Submit, Mode::Submit, Mode::Submit, Mode::Obtain]);
+    assert_eq!(
+        modes,
+        [Mode::Submit, Mode::Submit, Mode::Submit, Mode::Obtain]
+    );
 }
 
 #[test]
@@ -199,23 +238,49 @@ fn a_goodbye_without_effect_is_an_error() {
     assert!(client.goodbye().is_some());
     let first = client.welcome().unwrap().tick.0;
     for count in 1..u64::from(GOODBYE_STATES) {
-        assert!(matches!(client.feed(&state(first + count, Phase::Obtain)).1, Ok(Some(Event::State(_)))));
+        assert!(matches!(
+            client.feed(&state(first + count, Phase::Obtain)).1,
+            Ok(Some(Event::State(_)))
+        ));
     }
-    let last = client.feed(&state(first + u64::from(GOODBYE_STATES), Phase::Obtain)).1;
+    let last = client
+        .feed(&state(first + u64::from(GOODBYE_STATES), Phase::Obtain))
+        .1;
     assert_eq!(last, Err(ClientError::GoodbyeUnheard { states: 100 }));
     assert!(client.is_valid() && !client.is_gone());
 }
 
 #[test]
 fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams() {
-    let unexpected = |received| ClientError::Unexpected { received };
     let cases = [
-        (refusal(Refusal::Busy), unexpected(Kind::Refusal), [0, 0, 1]),
-        (welcome(|_| {}), unexpected(Kind::Welcome), [0, 0, 1]),
-        (state(1, Phase::Handshake), ClientError::OldState { expected: Tick(2), received: Tick(1) }, [1, 0, 0]),
+        (
+            refusal(Refusal::Busy),
+            ClientError::Unexpected {
+                received: Kind::Refusal,
+            },
+            [0, 0, 1],
+        ),
+        (
+            welcome(|_| {}),
+            ClientError::Unexpected {
+                received: Kind::Welcome,
+            },
+            [0, 0, 1],
+        ),
+        (
+            state(1, Phase::Handshake),
+            ClientError::OldState {
+                expected: Tick(2),
+                received: Tick(1),
+            },
+            [1, 0, 0],
+        ),
         (
             state_of(Epoch(9), 50, Phase::Handshake),
-            ClientError::Epoch { expected: Epoch(1), received: Epoch(9) },
+            ClientError::Epoch {
+                expected: Epoch(1),
+                received: Epoch(9),
+            },
             [0, 1, 0],
         ),
     ];
@@ -227,13 +292,26 @@ fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams()
         let (mut client, _) = granted(Transport::Datagram);
         assert_eq!(client.feed(&frame), (frame.len(), Ok(None)), "{error}");
         let ignored = client.ignored();
-        assert_eq!([ignored.old, ignored.other_epoch, ignored.unexpected], counts, "{error}");
+        assert_eq!(
+            [ignored.old, ignored.other_epoch, ignored.unexpected],
+            counts,
+            "{error}"
+        );
         assert!(client.has_unanswered());
     }
-    let error = Err(unexpected(Kind::State));
-    for (transport, expected, ignored) in [(Transport::Stream, error, 0), (Transport::Datagram, Ok(None), 1)] {
+    let error = Err(ClientError::Unexpected {
+        received: Kind::State,
+    });
+    for (transport, expected, ignored) in [
+        (Transport::Stream, error, 0),
+        (Transport::Datagram, Ok(None), 1),
+    ] {
         let mut early = Tested::new(transport, requirements());
-        assert_eq!(early.feed(&state(1, Phase::Handshake)).1, expected, "a State before the Welcome");
+        assert_eq!(
+            early.feed(&state(1, Phase::Handshake)).1,
+            expected,
+            "a State before the Welcome"
+        );
         assert_eq!(early.ignored().unexpected, ignored);
     }
 }
@@ -244,16 +322,30 @@ fn a_welcome_is_not_taken_before_a_hello() {
     let mut client = Tested::new(Transport::Datagram, requirements());
     assert_eq!(client.feed(&welcomed).1, Ok(None));
     assert_eq!(client.ignored().unexpected, 1);
-    assert!(client.hello().is_some() && client.hello().is_some(), "as often as asked");
-    assert!(matches!(client.feed(&welcomed).1, Ok(Some(Event::Welcomed(_)))));
+    assert!(
+        client.hello().is_some() && client.hello().is_some(),
+        "as often as asked"
+    );
+    assert!(matches!(
+        client.feed(&welcomed).1,
+        Ok(Some(Event::Welcomed(_)))
+    ));
 }
 
 #[test]
 fn a_state_from_before_the_welcome_is_not_of_this_session() {
     let mut client = greeted(Transport::Datagram, requirements());
-    assert!(client.feed(&welcome(|welcome| welcome.tick = Tick(40))).1.is_ok());
+    assert!(
+        client
+            .feed(&welcome(|welcome| welcome.tick = Tick(40)))
+            .1
+            .is_ok()
+    );
     assert_eq!(client.feed(&state(39, Phase::Handshake)).1, Ok(None));
-    assert!(matches!(client.feed(&state(40, Phase::Handshake)).1, Ok(Some(Event::State(_)))));
+    assert!(matches!(
+        client.feed(&state(40, Phase::Handshake)).1,
+        Ok(Some(Event::State(_)))
+    ));
 }
 
 #[test]
@@ -264,16 +356,32 @@ fn terms_that_do_not_fit_are_errors_by_name() {
     let needed = Capabilities::LOCKSTEP;
     let cases = [
         (
-            Requirements { cycle_us: Some(2_000), ..any },
+            Requirements {
+                cycle_us: Some(2_000),
+                ..any
+            },
             usual.clone(),
-            ClientError::Cycle { expected_us: 2_000, received_us: 1_000 },
+            ClientError::Cycle {
+                expected_us: 2_000,
+                received_us: 1_000,
+            },
         ),
         (
-            Requirements { kinematics_checksum: Some(1), ..any },
+            Requirements {
+                kinematics_checksum: Some(1),
+                ..any
+            },
             usual.clone(),
-            ClientError::Checksum { expected: 1, received: CHECKSUM },
+            ClientError::Checksum {
+                expected: 1,
+                received: CHECKSUM,
+            },
         ),
-        (any, welcome(|welcome| welcome.capabilities = needed), ClientError::Capability { needed }),
+        (
+            any,
+            welcome(|welcome| welcome.capabilities = needed),
+            ClientError::Capability { needed },
+        ),
     ];
     for (requirements, frame, error) in cases {
         let mut client = greeted(Transport::Stream, requirements);
@@ -317,16 +425,22 @@ fn a_stop_stops_and_the_ramp_is_seen() {
     let (mut client, mut server) = granted(Transport::Stream);
     // One to submit, four of 5 um each to get there.
     for _ in 0..5 {
-        let answer = client.answer(Mode::Obtain, &at(20_000)).map(|answer| answer.frame);
+        let answer = client
+            .answer(Mode::Obtain, &at(20_000))
+            .map(|answer| answer.frame);
         server.turn(&mut client, answer, 4_096);
     }
     assert_eq!(server.state().axes[0].offsets.position, OffsetNm(20_000));
     let stop = client.stop();
     let events = server.turn(&mut client, stop, 4_096);
-    assert!(matches!(events[..], [Event::Ended(state)] if (state.cause, state.phase) == (Cause::Stop, Phase::Fault)));
+    assert!(
+        matches!(events[..], [Event::Ended(state)] if (state.cause, state.phase) == (Cause::Stop, Phase::Fault))
+    );
     assert!(client.is_gone() && client.goodbye().is_none());
     let events = server.turn(&mut client, None, 4_096);
-    assert!(matches!(events[..], [Event::Ended(state)] if state.axes[0].offsets.position == OffsetNm(18_000)));
+    assert!(
+        matches!(events[..], [Event::Ended(state)] if state.axes[0].offsets.position == OffsetNm(18_000))
+    );
     assert!(client.stop().is_some(), "a Stop may be repeated");
 }
 
@@ -334,7 +448,10 @@ fn a_stop_stops_and_the_ramp_is_seen() {
 fn a_session_that_is_over_does_not_come_back() {
     let (mut client, _) = granted(Transport::Datagram);
     for (tick, phase) in [(2, Phase::SafeDisconnect), (3, Phase::Obtain)] {
-        assert!(matches!(client.feed(&state(tick, phase)).1, Ok(Some(Event::Ended(_)))));
+        assert!(matches!(
+            client.feed(&state(tick, phase)).1,
+            Ok(Some(Event::Ended(_)))
+        ));
     }
     assert!(client.is_valid() && client.answer(Mode::Submit, &at(0)).is_none());
 }
@@ -342,10 +459,21 @@ fn a_session_that_is_over_does_not_come_back() {
 #[test]
 fn errors_say_what_and_where() {
     use std::string::ToString;
-    let error = ClientError::Cycle { expected_us: 1_000, received_us: 2_000 };
-    assert_eq!(error.to_string(), "the server's cycle is 2000 us, the client's is 1000 us");
-    let error = ClientError::Unexpected { received: Kind::Welcome };
-    assert_eq!(error.to_string(), "unexpected Welcome: expected one answer to Hello, then States");
+    let error = ClientError::Cycle {
+        expected_us: 1_000,
+        received_us: 2_000,
+    };
+    assert_eq!(
+        error.to_string(),
+        "the server's cycle is 2000 us, the client's is 1000 us"
+    );
+    let error = ClientError::Unexpected {
+        received: Kind::Welcome,
+    };
+    assert_eq!(
+        error.to_string(),
+        "unexpected Welcome: expected one answer to Hello, then States"
+    );
 }
 
 #[test]
@@ -368,7 +496,9 @@ fn every_clause_of_the_invariant_counts() {
     assert!(client.is_valid() && client.dialogue.last().unwrap().tick > tick);
     for (clause, spoil) in breaks.iter().enumerate() {
         let mut spoilt = client.clone();
-        let Stage::Granted(session) = &mut spoilt.dialogue.stage else { panic!() };
+        let Stage::Granted(session) = &mut spoilt.dialogue.stage else {
+            panic!()
+        };
         spoil(session);
         assert!(!spoilt.is_valid(), "{clause}");
     }
@@ -381,7 +511,10 @@ fn a_frame_in_pieces_is_no_boundary() {
     assert!(client.is_at_boundary());
     assert_eq!(client.feed(&frame[..9]).1, Ok(None));
     assert!(!client.is_at_boundary());
-    assert!(matches!(client.feed(&frame[9..]).1, Ok(Some(Event::State(_)))));
+    assert!(matches!(
+        client.feed(&frame[9..]).1,
+        Ok(Some(Event::State(_)))
+    ));
     assert!(client.is_at_boundary());
 }
 
@@ -391,7 +524,10 @@ fn the_first_command_asks_for_submit_whatever_the_server_says() {
     let (mut client, _) = granted(Transport::Stream);
     let tick = client.welcome().unwrap().tick.0;
     client.feed(&state(tick + 1, Phase::Submit)).1.unwrap();
-    assert_eq!(client.answer(Mode::Obtain, &at(0)).unwrap().command.mode, Mode::Submit);
+    assert_eq!(
+        client.answer(Mode::Obtain, &at(0)).unwrap().command.mode,
+        Mode::Submit
+    );
 }
 
 #[test]
@@ -399,9 +535,18 @@ fn a_cut_of_any_channel_is_a_cut() {
     let none = Saturated::default();
     assert!(!none.any());
     let one = [
-        Saturated { position: true, ..none },
-        Saturated { velocity: true, ..none },
-        Saturated { torque: true, ..none },
+        Saturated {
+            position: true,
+            ..none
+        },
+        Saturated {
+            velocity: true,
+            ..none
+        },
+        Saturated {
+            torque: true,
+            ..none
+        },
     ];
     assert!(one.iter().all(|saturated| saturated.any()));
 }

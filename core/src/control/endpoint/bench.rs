@@ -24,8 +24,13 @@ pub(crate) struct Ticked {
 impl Ticked {
     /// The sent messages and their recipients.
     pub(crate) fn messages(&self) -> StdVec<(Connection, ServerMessage<2>)> {
-        let message = |bytes: &[u8]| decode_server(&Frame::parse(bytes).unwrap()).unwrap();
-        self.sent.iter().map(|(to, bytes)| (*to, message(bytes))).collect()
+        self.sent
+            .iter()
+            .map(|(to, bytes)| {
+                let frame = Frame::parse(bytes).unwrap();
+                (*to, decode_server(&frame).unwrap())
+            })
+            .collect()
     }
 }
 
@@ -36,9 +41,13 @@ pub(crate) struct Bench {
 
 impl Bench {
     pub(crate) fn new(parameters: Parameters<2>) -> Self {
-        let session = Session::new(Config::new(parameters).unwrap(), &Start::at_rest(NOMINAL)).unwrap();
+        let session =
+            Session::new(Config::new(parameters).unwrap(), &Start::at_rest(NOMINAL)).unwrap();
         let motors = MotorMap::new([0, 0, 1]).unwrap();
-        Self { endpoint: Endpoint::new(session, motors, EpochRange::VOLATILE), sequence: 0 }
+        Self {
+            endpoint: Endpoint::new(session, motors, EpochRange::VOLATILE),
+            sequence: 0,
+        }
     }
 
     pub(crate) fn open(&mut self, transport: Transport) -> Connection {
@@ -48,11 +57,19 @@ impl Bench {
     /// The next command to answer the last State.
     pub(crate) fn command(&mut self, mode: Mode, targets: [Offsets; 2]) -> FrameBytes {
         self.sequence += 1;
-        encode_client(&ClientMessage::Command(command(self.endpoint.session(), self.sequence, mode, targets)))
+        encode_client(&ClientMessage::Command(command(
+            self.endpoint.session(),
+            self.sequence,
+            mode,
+            targets,
+        )))
     }
 
     pub(crate) fn input() -> TickInput<2> {
-        TickInput { reading: Some(Reading::unmeasured(NOMINAL)), ..on_time() }
+        TickInput {
+            reading: Some(Reading::unmeasured(NOMINAL)),
+            ..on_time()
+        }
     }
 
     pub(crate) fn tick(&mut self) -> Ticked {
@@ -64,8 +81,15 @@ impl Bench {
             assert!(sent.len() <= FRAMES);
         }
         let output = self.endpoint.output().unwrap().clone();
-        let close = core::iter::from_fn(|| self.endpoint.poll_close()).take(CONNECTIONS + 1).collect();
+        let close = core::iter::from_fn(|| self.endpoint.poll_close())
+            .take(CONNECTIONS + 1)
+            .collect();
         assert!(self.endpoint.is_valid());
-        Ticked { motors, output, sent, close }
+        Ticked {
+            motors,
+            output,
+            sent,
+            close,
+        }
     }
 }

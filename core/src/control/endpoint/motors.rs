@@ -4,7 +4,8 @@ use core::fmt;
 
 use crate::control::axis::Reference;
 
-/// Axis of each motor, for `N` axes. Two motors on one cart (F1) have the same axis, so they always receive the same reference (T10).
+/// Axis of each motor, for `N` axes. Two motors on one cart (F1) have the same axis, so they always
+/// receive the same reference (T10).
 ///
 /// ```
 /// use gantry_tau_core::control::endpoint::MotorMap;
@@ -34,7 +35,10 @@ pub struct MotorMapError {
 impl fmt::Display for MotorMapError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { motor, axis, axes } = self;
-        write!(f, "motor {motor} is mapped to axis {axis}, but there are only {axes} axes (counted from 0)")
+        write!(
+            f,
+            "motor {motor} is mapped to axis {axis}, but there are only {axes} axes (counted from 0)"
+        )
     }
 }
 
@@ -48,7 +52,11 @@ impl<const N: usize, const MOTORS: usize> MotorMap<N, MOTORS> {
     pub fn new(axis_of_motor: [usize; MOTORS]) -> Result<Self, MotorMapError> {
         for (motor, axis) in axis_of_motor.into_iter().enumerate() {
             if axis >= N {
-                return Err(MotorMapError { motor, axis, axes: N });
+                return Err(MotorMapError {
+                    motor,
+                    axis,
+                    axes: N,
+                });
             }
         }
         Ok(Self { axis_of_motor })

@@ -4,7 +4,8 @@ use crate::control::message::{ClientMessage, FrameError};
 use crate::control::session::{Connection, Event, OWNER_FRAMES};
 use crate::control::wire::{Deframer, Feed, Frame, decode_client};
 
-/// Carrier of the frames. A broken stream has lost its frame boundary and ends; a broken datagram is dropped.
+/// Carrier of the frames. A broken stream has lost its frame boundary and ends; a broken datagram
+/// is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
@@ -35,7 +36,7 @@ pub struct Slot {
     pub closing: bool,
     /// The connection has no further use and waits for [`super::Endpoint::poll_close`].
     pub closed: bool,
-    /// The peer uses another version of the protocol and is to be told so.
+    /// The peer uses another version of the protocol: it is to receive a Refusal.
     pub version_mismatch: bool,
     /// Ticks without owning the session.
     idle_ticks: u32,
@@ -63,11 +64,18 @@ impl Slot {
         self.deframer.is_valid() && self.frames <= OWNER_FRAMES
     }
 
-    /// Largest number of events of this connection in the inbox while it owns the session: its frames, the flood after them, and a Stop behind
-    /// a flood or a broken stream. Of a closed one that it is closed.
+    /// Largest number of events of this connection in the inbox while it owns the session: its
+    /// frames, the flood after them, and a Stop behind a flood or a broken stream. Of a closed one
+    /// that it is closed.
     pub fn most_events(&self) -> usize {
         let [flood, last] = [self.over_budget, self.closing].map(usize::from);
-        if self.closed { 1 } else { usize::from(self.frames).saturating_add(flood).saturating_add(last) }
+        if self.closed {
+            1
+        } else {
+            usize::from(self.frames)
+                .saturating_add(flood)
+                .saturating_add(last)
+        }
     }
 
     /// True if bytes of this connection are still read.
@@ -75,15 +83,25 @@ impl Slot {
         !self.closing && !self.closed
     }
 
-    /// Begins a tick: restores the budget, and closes what is over budget or has not owned the session for `patience` ticks.
+    /// Begins a tick: restores the budget, and closes what is over budget or has not owned the
+    /// session for `patience` ticks.
     pub fn begin_tick(&mut self, is_owner: bool, patience: u32) {
         self.frames = 0;
-        self.idle_ticks = if is_owner { 0 } else { self.idle_ticks.saturating_add(1) };
+        self.idle_ticks = if is_owner {
+            0
+        } else {
+            self.idle_ticks.saturating_add(1)
+        };
         self.closing |= self.over_budget || self.idle_ticks > patience;
     }
 
-    /// Takes one frame's worth of bytes. Returns the event that it makes, if any, and the bytes taken; `None` for an incomplete frame.
-    pub fn take<const N: usize>(&mut self, bytes: &[u8], is_owner: bool) -> Option<(Option<Event<N>>, usize)> {
+    /// Decodes the next frame. Returns its event, if any, and the number of bytes consumed; `None`
+    /// for an incomplete frame.
+    pub fn decode<const N: usize>(
+        &mut self,
+        bytes: &[u8],
+        is_owner: bool,
+    ) -> Option<(Option<Event<N>>, usize)> {
         if self.transport == Transport::Datagram {
             let event = match Frame::parse(bytes) {
                 Ok(frame) => event(&frame),
@@ -107,10 +125,19 @@ impl Slot {
         }
     }
 
-    /// Returns the event itself within the budget. Beyond it, the owner's first excess is a flood, and one Stop is still accepted:
-    /// a stop must not get lost behind a burst. A non-owner is closed.
-    fn within_budget<const N: usize>(&mut self, event: Event<N>, is_owner: bool) -> Option<Event<N>> {
-        let budget = if is_owner { OWNER_FRAMES } else { NON_OWNER_FRAMES };
+    /// Returns the event itself within the budget. Beyond it, the owner's first excess is a flood,
+    /// and one Stop is still accepted: a stop must not get lost behind a burst. A non-owner is
+    /// closed.
+    fn within_budget<const N: usize>(
+        &mut self,
+        event: Event<N>,
+        is_owner: bool,
+    ) -> Option<Event<N>> {
+        let budget = if is_owner {
+            OWNER_FRAMES
+        } else {
+            NON_OWNER_FRAMES
+        };
         if self.frames < budget {
             self.frames = self.frames.saturating_add(1);
             return Some(event);

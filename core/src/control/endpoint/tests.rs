@@ -12,7 +12,9 @@ use crate::control::wire::{Frame, decode_server, encode_client};
 use crate::units::{Epoch, PositionNm};
 
 fn bench() -> Bench {
-    Bench::new(Parameters::thesis([axis(limits(100_000, 5_000, 10_000, 100), 1_000_000, 0); 2]))
+    Bench::new(Parameters::thesis(
+        [axis(limits(100_000, 5_000, 10_000, 100), 1_000_000, 0); 2],
+    ))
 }
 
 /// A session in Obtain, and the connection of its owner.
@@ -47,7 +49,9 @@ impl Bench {
 
     /// Commands that were all sent in one tick.
     fn burst(&mut self, frames: usize) -> StdVec<u8> {
-        (0..frames).flat_map(|_| self.command(Mode::Obtain, at(3_000)).to_vec()).collect()
+        (0..frames)
+            .flat_map(|_| self.command(Mode::Obtain, at(3_000)).to_vec())
+            .collect()
     }
 }
 
@@ -71,12 +75,23 @@ fn paired_motors_receive_equal_references() {
     assert_eq!(first, paired);
     assert_eq!(first.position, PositionNm(-2_000));
     assert_eq!(other.position, PositionNm(1_000 - 2_000));
-    assert_eq!(MotorMap::<2, 2>::new([0, 2]), Err(MotorMapError { motor: 1, axis: 2, axes: 2 }));
+    assert_eq!(
+        MotorMap::<2, 2>::new([0, 2]),
+        Err(MotorMapError {
+            motor: 1,
+            axis: 2,
+            axes: 2
+        })
+    );
 }
 
 #[test]
 fn a_ninth_frame_in_a_tick_ends_the_session() {
-    for (frames, ended) in [(8, None), (9, Some(Cause::Flood)), (100, Some(Cause::Flood))] {
+    for (frames, ended) in [
+        (8, None),
+        (9, Some(Cause::Flood)),
+        (100, Some(Cause::Flood)),
+    ] {
         let (mut bench, owner) = obtaining(Transport::Stream);
         let bytes = bench.burst(frames);
         assert_eq!(bench.endpoint.feed(owner, &bytes), 8);
@@ -92,10 +107,16 @@ fn a_stop_behind_a_burst_still_stops() {
     for frames in [7, 8, 9, 50] {
         let (mut bench, owner) = obtaining(Transport::Stream);
         let mut bytes = bench.burst(frames);
-        bytes.extend_from_slice(&encode_client(&ClientMessage::<2>::Stop(bench.endpoint.session().epoch())));
+        bytes.extend_from_slice(&encode_client(&ClientMessage::<2>::Stop(
+            bench.endpoint.session().epoch(),
+        )));
         bench.endpoint.feed(owner, &bytes);
         let output = bench.tick().output;
-        assert_eq!((output.ended, output.state.phase), (Some(Cause::Stop), Phase::Fault), "behind {frames} frames");
+        assert_eq!(
+            (output.ended, output.state.phase),
+            (Some(Cause::Stop), Phase::Fault),
+            "behind {frames} frames"
+        );
     }
 }
 
@@ -112,7 +133,10 @@ fn others_cannot_crowd_out_the_owner() {
     bench.endpoint.feed(owner, &bytes);
     bench.endpoint.close(owner);
     let output = bench.tick().output;
-    assert_eq!((output.state.counters.received, output.ended), (10, Some(Cause::Closed)));
+    assert_eq!(
+        (output.state.counters.received, output.ended),
+        (10, Some(Cause::Closed))
+    );
 }
 
 #[test]
@@ -136,13 +160,22 @@ fn another_version_is_told_ours_and_closed() {
     bench.endpoint.feed(other, &bytes);
     let turn = bench.tick();
     let supported = PROTOCOL_VERSION;
-    assert_eq!(turn.messages(), [(other, ServerMessage::Refusal(Refusal::Version { supported }))]);
+    assert_eq!(
+        turn.messages(),
+        [(
+            other,
+            ServerMessage::Refusal(Refusal::Version { supported })
+        )]
+    );
     assert_eq!(turn.close, [other]);
 }
 
 #[test]
 fn a_broken_stream_ends_and_a_broken_datagram_does_not() {
-    for (transport, ended) in [(Transport::Stream, Some(Cause::Malformed)), (Transport::Datagram, None)] {
+    for (transport, ended) in [
+        (Transport::Stream, Some(Cause::Malformed)),
+        (Transport::Datagram, None),
+    ] {
         let (mut bench, owner) = obtaining(transport);
         let [mut broken, whole] = [(); 2].map(|()| bench.burst(1));
         broken[10] ^= 1;
@@ -153,7 +186,13 @@ fn a_broken_stream_ends_and_a_broken_datagram_does_not() {
         let output = bench.tick().output;
         assert_eq!(output.ended, ended);
         if ended.is_none() {
-            assert_eq!((output.state.counters.malformed, output.state.counters.missed), (1, 0));
+            assert_eq!(
+                (
+                    output.state.counters.malformed,
+                    output.state.counters.missed
+                ),
+                (1, 0)
+            );
         }
     }
 }
@@ -167,7 +206,10 @@ fn an_empty_datagram_is_a_broken_one_and_no_bytes_of_a_stream_are_nothing() {
         let command = bench.burst(1);
         assert_eq!(bench.endpoint.feed(owner, &command), malformed + 1);
         let state = bench.tick().output.state;
-        assert_eq!((state.phase, state.counters.malformed), (Phase::Obtain, malformed.into()));
+        assert_eq!(
+            (state.phase, state.counters.malformed),
+            (Phase::Obtain, malformed.into())
+        );
     }
 }
 
@@ -179,10 +221,17 @@ fn connections_are_numbered_once_and_limited() {
     bench.endpoint.close(first[0]);
     let next = bench.open(Transport::Stream);
     assert!(!first.contains(&next));
-    assert_eq!(bench.endpoint.feed(first[0], &hello()), 0, "a closed connection has no voice");
+    assert_eq!(
+        bench.endpoint.feed(first[0], &hello()),
+        0,
+        "a closed connection has no voice"
+    );
     let refusal = Endpoint::<2, 3>::full_refusal();
     let frame = Frame::parse(&refusal).unwrap();
-    assert_eq!(decode_server::<2>(&frame), Ok(ServerMessage::Refusal(Refusal::Unavailable)));
+    assert_eq!(
+        decode_server::<2>(&frame),
+        Ok(ServerMessage::Refusal(Refusal::Unavailable))
+    );
 }
 
 #[test]
@@ -193,7 +242,10 @@ fn the_last_ramp_step_releases_the_old_owner() {
     // 3 000 nm at 100 nm per tick, the first of them in the tick of the Goodbye.
     for tick in 0..30 {
         let turn = bench.tick();
-        assert!(turn.is_state_for(owner) && turn.close.is_empty(), "tick {tick}");
+        assert!(
+            turn.is_state_for(owner) && turn.close.is_empty(),
+            "tick {tick}"
+        );
     }
     assert!(bench.tick().close.contains(&owner));
     assert_eq!(bench.endpoint.session().phase(), Phase::Listening);
@@ -216,7 +268,8 @@ fn frames_and_closings_that_are_not_polled_do_no_harm() {
     assert_eq!(turn.close, [other]);
 }
 
-/// Found by review: a Hello whose connection is gone or expelled by the same tick was granted, and no other peer got in for a second.
+/// Found by review: a Hello whose connection is gone or expelled by the same tick was granted, and
+/// no other peer got in for a second.
 #[test]
 fn a_hello_without_a_connection_is_not_granted() {
     let ways: [fn(&mut Bench, Connection); 3] = [
@@ -247,7 +300,10 @@ fn closing_again_and_again_crowds_no_peer_out() {
     let other = bench.ask();
     let turn = bench.tick();
     assert_eq!(turn.output.ended, Some(Cause::Closed));
-    assert!(turn.sent.iter().any(|(to, _)| *to == other), "the other is told why it cannot have the session");
+    assert!(
+        turn.sent.iter().any(|(to, _)| *to == other),
+        "the other is told why it cannot have the session"
+    );
 }
 
 /// Found by review: the owner's second Hello closed its connection and kept its session.
@@ -269,7 +325,9 @@ fn silent_others_are_shown_out() {
     for _ in 0..CONNECTIONS {
         bench.open(Transport::Stream);
     }
-    let ticks = (1..=2_000).find(|_| !bench.tick().close.is_empty()).unwrap();
+    let ticks = (1..=2_000)
+        .find(|_| !bench.tick().close.is_empty())
+        .unwrap();
     assert_eq!(ticks, 1_001);
     bench.open(Transport::Stream);
 }
@@ -280,39 +338,65 @@ fn lock_step_waits_for_the_answer_to_the_last_state() {
     let old = bench.answer(owner);
     bench.tick();
     bench.endpoint.feed(owner, &old);
-    assert!(!bench.endpoint.owner_has_answered(), "a repeated command counted as an answer");
+    assert!(
+        !bench.endpoint.owner_has_answered(),
+        "a repeated command counted as an answer"
+    );
     bench.answer(owner);
     assert!(bench.endpoint.owner_has_answered());
     bench.tick();
     bench.endpoint.close(owner);
-    assert!(bench.endpoint.owner_has_answered(), "nothing more will come");
+    assert!(
+        bench.endpoint.owner_has_answered(),
+        "nothing more will come"
+    );
+}
+
+/// Nominal reference and position offset of each axis by the State of the last tick.
+fn reported(bench: &mut Bench) -> [(i64, i32); 2] {
+    let (_, frame) = bench.endpoint.poll_transmit().unwrap();
+    let Ok(ServerMessage::<2>::State(state)) = decode_server(&Frame::parse(frame).unwrap()) else {
+        panic!()
+    };
+    state
+        .axes
+        .map(|axis| (axis.nominal.0, axis.offsets.position.0))
 }
 
 /// While nothing reaches the drives, the State reports what they have, and the server does not end.
 #[test]
 fn a_refused_write_is_not_reported_as_in_force() {
     let (mut bench, owner) = obtaining(Transport::Stream);
-    let reported = |bench: &mut Bench| {
-        let (_, frame) = bench.endpoint.poll_transmit().unwrap();
-        let Ok(ServerMessage::<2>::State(state)) = decode_server(&Frame::parse(frame).unwrap()) else { panic!() };
-        state.axes.map(|axis| (axis.nominal.0, axis.offsets.position.0))
-    };
     let command = bench.command(Mode::Obtain, at(-1_000));
     bench.endpoint.feed(owner, &command);
     let _ = bench.endpoint.tick(&Bench::input());
     bench.endpoint.write_refused();
     assert_eq!(reported(&mut bench), [(0, 3_000), (1_000, 3_000)]);
     let in_force = *bench.endpoint.session().in_force();
-    // At the drives nothing moves, whatever the ramp would do.
-    for last_write in [LastWrite::Refused { in_force }, LastWrite::Unknown, LastWrite::Refused { in_force }] {
-        let input = TickInput { last_write, ..Bench::input() };
+    // At the drives nothing moves, although the ramp would go on.
+    for last_write in [
+        LastWrite::Refused { in_force },
+        LastWrite::Unknown,
+        LastWrite::Refused { in_force },
+    ] {
+        let input = TickInput {
+            last_write,
+            ..Bench::input()
+        };
         if bench.endpoint.tick(&input).is_some() {
             bench.endpoint.write_refused();
         }
-        assert_eq!(reported(&mut bench), [(0, 3_000), (1_000, 3_000)], "{last_write:?}");
+        assert_eq!(
+            reported(&mut bench),
+            [(0, 3_000), (1_000, 3_000)],
+            "{last_write:?}"
+        );
     }
     // Taken again: the ramp goes on from there, and the server may end when its zero was taken.
-    let input = TickInput { last_write: LastWrite::Refused { in_force }, ..Bench::input() };
+    let input = TickInput {
+        last_write: LastWrite::Refused { in_force },
+        ..Bench::input()
+    };
     assert!(bench.endpoint.tick(&input).is_some());
     assert_eq!(reported(&mut bench), [(0, 2_900), (1_000, 2_900)]);
     for _ in 0..28 {
@@ -326,7 +410,8 @@ fn a_refused_write_is_not_reported_as_in_force() {
     assert!(!bench.endpoint.is_at_zero());
 }
 
-/// A host that forgets to tell of a refused write does not go on from references that nobody took.
+/// After a refused write that the host does not report, the server does not go on from references
+/// that no drive took.
 #[test]
 fn a_refused_write_is_not_accepted_afterwards() {
     let (mut bench, _) = obtaining(Transport::Stream);
@@ -336,9 +421,22 @@ fn a_refused_write_is_not_accepted_afterwards() {
         assert!(bench.endpoint.tick(&Bench::input()).is_none());
         assert_eq!(bench.endpoint.session().phase(), Phase::Fault);
     }
-    let last_write = LastWrite::Refused { in_force: *bench.endpoint.session().in_force() };
-    assert!(bench.endpoint.tick(&TickInput { last_write, ..Bench::input() }).is_some());
-    assert!(bench.endpoint.tick(&Bench::input()).is_some(), "this one was taken");
+    let last_write = LastWrite::Refused {
+        in_force: *bench.endpoint.session().in_force(),
+    };
+    assert!(
+        bench
+            .endpoint
+            .tick(&TickInput {
+                last_write,
+                ..Bench::input()
+            })
+            .is_some()
+    );
+    assert!(
+        bench.endpoint.tick(&Bench::input()).is_some(),
+        "this one was taken"
+    );
 }
 
 /// One clause broken at a time, all others kept.
@@ -347,9 +445,15 @@ fn every_clause_of_the_invariant_counts() {
     type Break = fn(&mut Endpoint<2, 3>);
     let breaks: [(&str, Break); 8] = [
         ("slot", |endpoint| endpoint.slots[0].frames = 9),
-        ("number", |endpoint| endpoint.next_connection = endpoint.slots[1].connection.0),
-        ("order", |endpoint| endpoint.slots[1].connection = endpoint.slots[0].connection),
-        ("events of the owner", |endpoint| endpoint.slots[0].frames = 2),
+        ("number", |endpoint| {
+            endpoint.next_connection = endpoint.slots[1].connection.0
+        }),
+        ("order", |endpoint| {
+            endpoint.slots[1].connection = endpoint.slots[0].connection
+        }),
+        ("events of the owner", |endpoint| {
+            endpoint.slots[0].frames = 2
+        }),
         ("events of others", |endpoint| endpoint.non_owner_events = 0),
         ("budget of others", |endpoint| endpoint.non_owner_events = 6),
         ("owner gone", |endpoint| {
@@ -387,7 +491,8 @@ fn six_others_have_five_events_and_the_last_is_shown_out() {
     assert_eq!(turn.close[..], peers[1..]);
 }
 
-/// One frame per tick is read of a connection that does not own the session; a second one costs it the first, whatever it says.
+/// One frame per tick is read of a connection that does not own the session; a second one of any
+/// content costs it the first.
 #[test]
 fn a_stop_of_another_has_no_way_round_its_budget() {
     let (mut bench, owner) = obtaining(Transport::Stream);
@@ -396,14 +501,23 @@ fn a_stop_of_another_has_no_way_round_its_budget() {
     assert_eq!(bench.endpoint.feed(other, &encode_client(&stop)), 1);
     bench.answer(owner);
     let turn = bench.tick();
-    assert_eq!((turn.output.state.phase, turn.output.state.counters.non_owner), (Phase::Obtain, 0));
+    assert_eq!(
+        (
+            turn.output.state.phase,
+            turn.output.state.counters.non_owner
+        ),
+        (Phase::Obtain, 0)
+    );
     assert_eq!(turn.close, [other]);
 }
 
 #[test]
 fn epochs_may_be_replaced_while_it_runs() {
     let mut bench = bench();
-    bench.endpoint.set_epochs(EpochRange { first: Epoch(40), last: Epoch(41) });
+    bench.endpoint.set_epochs(EpochRange {
+        first: Epoch(40),
+        last: Epoch(41),
+    });
     bench.ask();
     assert_eq!(bench.tick().output.state.epoch, Epoch(40));
 }

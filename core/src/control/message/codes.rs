@@ -1,4 +1,5 @@
-//! Codes, names and texts of phases, modes, causes and refusals: one table for the wire, for files and for people.
+//! Codes, names and texts of phases, modes, causes and refusals: one table for the wire, for files
+//! and for people.
 
 use core::fmt;
 
@@ -111,23 +112,34 @@ impl Refusal {
     }
 }
 
-/// Writes a text for people, with what the client can do about it; [`Self::name`] is the stable name.
+/// Writes a text for people, with what the client can do about it; [`Self::name`] is the stable
+/// name.
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Busy => f.write_str("another client owns the session"),
             Self::Ramping { ticks_left } => {
-                write!(f, "offsets are still ramping to zero; try again in {ticks_left} ticks")
+                write!(
+                    f,
+                    "offsets are still ramping to zero; try again in {ticks_left} ticks"
+                )
             }
             Self::Faulted { ticks_left } => {
-                write!(f, "the server is stopped ({ticks_left} ticks of ramp left); it must be re-armed at the machine")
+                write!(
+                    f,
+                    "the server is stopped ({ticks_left} ticks of ramp left); it must be re-armed at the machine"
+                )
             }
-            Self::Version { supported } => write!(f, "the server speaks protocol version {supported}"),
+            Self::Version { supported } => {
+                write!(f, "the server speaks protocol version {supported}")
+            }
             Self::Axes { expected } => write!(f, "the server has {expected} axes"),
-            Self::Capability { needed } => write!(f, "the server needs capabilities {:#06x}", needed.0),
-            Self::Unavailable => {
-                f.write_str("the server has no room for another connection, or its epochs are used up")
+            Self::Capability { needed } => {
+                write!(f, "the server needs capabilities {:#06x}", needed.0)
             }
+            Self::Unavailable => f.write_str(
+                "the server has no room for another connection, or its epochs are used up",
+            ),
         }
     }
 }

@@ -4,7 +4,8 @@ use core::fmt;
 
 use super::{MAX_BODY, PROTOCOL_VERSION};
 
-/// Error of a frame's header, length or checksum. A stream loses its frame boundary with it; a datagram is dropped.
+/// Error of a frame's header, length or checksum. A stream loses its frame boundary with it; a
+/// datagram is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -33,11 +34,19 @@ impl fmt::Display for FrameError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Magic => f.write_str("the frame does not begin with \"GT\""),
-            Self::Version { received } => write!(f, "protocol version {received}; this side speaks {PROTOCOL_VERSION}"),
+            Self::Version { received } => write!(
+                f,
+                "protocol version {received}; this side speaks {PROTOCOL_VERSION}"
+            ),
             Self::TooLong { length } => {
-                write!(f, "the header states a body of {length} bytes; at most {MAX_BODY} are allowed")
+                write!(
+                    f,
+                    "the header states a body of {length} bytes; at most {MAX_BODY} are allowed"
+                )
             }
-            Self::Length => f.write_str("the datagram's length differs from the length in its header"),
+            Self::Length => {
+                f.write_str("the datagram's length differs from the length in its header")
+            }
             Self::Checksum => f.write_str("the checksum does not match"),
         }
     }
@@ -85,9 +94,15 @@ pub enum ContentError {
 impl fmt::Display for ContentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Kind { received } => write!(f, "kind {received} is unknown or not received by this side"),
-            Self::Length { expected, received } => write!(f, "expected a body of {expected} bytes, got {received}"),
-            Self::Axes { expected, received } => write!(f, "expected {expected} axes, got {received}"),
+            Self::Kind { received } => {
+                write!(f, "kind {received} is unknown or not received by this side")
+            }
+            Self::Length { expected, received } => {
+                write!(f, "expected a body of {expected} bytes, got {received}")
+            }
+            Self::Axes { expected, received } => {
+                write!(f, "expected {expected} axes, got {received}")
+            }
             Self::Code { received } => write!(f, "unknown code {received}"),
             Self::Reserved => f.write_str("reserved bits are set"),
             Self::Limits => f.write_str("the limits contradict each other"),

@@ -18,7 +18,10 @@ fn bits_without_a_name_are_no_flags() {
     let mut all = AxisFlags::default();
     for flag in named {
         assert!(!all.contains(flag));
-        assert_eq!(AxisFlags::LIMITED.contains(flag), named[1..4].contains(&flag));
+        assert_eq!(
+            AxisFlags::LIMITED.contains(flag),
+            named[1..4].contains(&flag)
+        );
         all = all.with(flag, true);
         assert_eq!(all.with(flag, true), all, "set twice is set");
         assert_eq!(all.with(AxisFlags::ALL, false), all);
@@ -26,7 +29,11 @@ fn bits_without_a_name_are_no_flags() {
     assert_eq!(all, AxisFlags::ALL);
     for bits in 0..=u8::MAX {
         let read = AxisFlags::try_from(bits);
-        let expected = if bits < 32 { Ok(bits) } else { Err(ContentError::Reserved) };
+        let expected = if bits < 32 {
+            Ok(bits)
+        } else {
+            Err(ContentError::Reserved)
+        };
         assert_eq!(read.map(u8::from), expected);
     }
 }

@@ -40,7 +40,11 @@ pub(super) type Broken = (ChannelKind, Breach);
 impl AxisMonitor {
     pub(super) fn new(limits: &AxisLimits, travel: Travel) -> Self {
         Self {
-            bounds: [Bounds::of(&limits.position), Bounds::of(&limits.velocity), Bounds::of(&limits.torque)],
+            bounds: [
+                Bounds::of(&limits.position),
+                Bounds::of(&limits.velocity),
+                Bounds::of(&limits.torque),
+            ],
             travel,
             offsets: [None; 3],
             written: [None; 3],
@@ -67,7 +71,12 @@ impl AxisMonitor {
     }
 
     /// Checks an axis of a State.
-    pub(super) fn check_state(&mut self, state: &AxisState, phase: Phase, demand: &Demand) -> Result<(), Broken> {
+    pub(super) fn check_state(
+        &mut self,
+        state: &AxisState,
+        phase: Phase,
+        demand: &Demand,
+    ) -> Result<(), Broken> {
         let moved = self.check_offsets(&state.offsets, demand);
         let is_quiet = matches!(phase, Phase::Listening | Phase::Handshake | Phase::Submit);
         let values = counts(&state.offsets);
@@ -78,7 +87,11 @@ impl AxisMonitor {
                 Phase::Submit => self.bounds.get(index)?.max,
                 _ => 0,
             };
-            let zero = if is_quiet { exactly(Rule::Zero, 0, value) } else { Ok(()) };
+            let zero = if is_quiet {
+                exactly(Rule::Zero, 0, value)
+            } else {
+                Ok(())
+            };
             Some(zero.and(within(Rule::Shadow, reach, shadow)))
         });
         // The phase's own rule says more than the step that broke it.
@@ -103,10 +116,15 @@ impl AxisMonitor {
         reference: &Reference,
         steps: u64,
     ) -> Result<(), Broken> {
-        let position =
-            self.check_position(nominal, reference.position, steps).map_err(|breach| (ChannelKind::Position, breach));
+        let position = self
+            .check_position(nominal, reference.position, steps)
+            .map_err(|breach| (ChannelKind::Position, breach));
         let (traces, bounds) = (&mut self.written, &self.bounds);
-        let values = [None, Some(i64::from(reference.velocity_offset.0)), Some(i64::from(reference.torque_offset.0))];
+        let values = [
+            None,
+            Some(i64::from(reference.velocity_offset.0)),
+            Some(i64::from(reference.torque_offset.0)),
+        ];
         let rest = all(|index| {
             let value = (*values.get(index)?)?;
             let (trace, bounds) = (traces.get_mut(index)?, bounds.get(index)?);
@@ -115,7 +133,12 @@ impl AxisMonitor {
         position.and(rest)
     }
 
-    fn check_position(&mut self, nominal: PositionNm, position: PositionNm, steps: u64) -> Result<(), Breach> {
+    fn check_position(
+        &mut self,
+        nominal: PositionNm,
+        position: PositionNm,
+        steps: u64,
+    ) -> Result<(), Breach> {
         let [bounds, ..] = self.bounds;
         let [offset, ..] = &mut self.written;
         let (lower, upper) = (self.travel.lower, self.travel.upper);
@@ -130,13 +153,21 @@ impl AxisMonitor {
         };
         for (end, is_outside) in [(lower, position < lower), (upper, position > upper)] {
             if is_outside {
-                return Err(Breach { rule: Rule::Travel, limit: end.0, found: position.0 });
+                return Err(Breach {
+                    rule: Rule::Travel,
+                    limit: end.0,
+                    found: position.0,
+                });
             }
         }
         let nearest = self.expected(nominal, bounds.max.saturating_neg());
         let furthest = self.expected(nominal, bounds.max);
         if i128::from(position.0) < nearest || i128::from(position.0) > furthest {
-            return Err(Breach { rule: Rule::Max, limit: bounds.max, found: narrow(distance) });
+            return Err(Breach {
+                rule: Rule::Max,
+                limit: bounds.max,
+                found: narrow(distance),
+            });
         }
         if let Some((old_nominal, old_position)) = before {
             let own = i128::from(nominal.0.abs_diff(old_nominal.0));
@@ -144,17 +175,33 @@ impl AxisMonitor {
             let steps = i128::from(bounds.step).saturating_mul(steps.into());
             let limit = own.saturating_add(steps);
             if change.abs() > limit {
-                return Err(Breach { rule: Rule::ReferenceStep, limit: narrow(limit), found: narrow(change) });
+                return Err(Breach {
+                    rule: Rule::ReferenceStep,
+                    limit: narrow(limit),
+                    found: narrow(change),
+                });
             }
         }
         unclamped
     }
 
     /// Checks that the references are those of the State.
-    pub(super) fn check_equal(&self, state: &AxisState, reference: &Reference) -> Result<(), Broken> {
+    pub(super) fn check_equal(
+        &self,
+        state: &AxisState,
+        reference: &Reference,
+    ) -> Result<(), Broken> {
         let [position, velocity, torque] = counts(&state.offsets);
-        let expected = [narrow(self.expected(state.nominal, position)), velocity, torque];
-        let found = [reference.position.0, reference.velocity_offset.0.into(), reference.torque_offset.0.into()];
+        let expected = [
+            narrow(self.expected(state.nominal, position)),
+            velocity,
+            torque,
+        ];
+        let found = [
+            reference.position.0,
+            reference.velocity_offset.0.into(),
+            reference.torque_offset.0.into(),
+        ];
         all(|index| {
             let (expected, found) = (*expected.get(index)?, *found.get(index)?);
             Some(exactly(Rule::Reference, expected, found))
@@ -164,7 +211,8 @@ impl AxisMonitor {
     /// Returns nominal plus offset, clamped to the travel.
     fn expected(&self, nominal: PositionNm, offset: i64) -> i128 {
         let sum = i128::from(nominal.0).saturating_add(offset.into());
-        sum.max(self.travel.lower.0.into()).min(self.travel.upper.0.into())
+        sum.max(self.travel.lower.0.into())
+            .min(self.travel.upper.0.into())
     }
 }
 
@@ -181,7 +229,11 @@ fn all(mut check: impl FnMut(usize) -> Option<Result<(), Breach>>) -> Result<(),
 
 /// Returns the counts of position, velocity and torque.
 fn counts(offsets: &Offsets) -> [i64; 3] {
-    [offsets.position.0.into(), offsets.velocity.0.into(), offsets.torque.0.into()]
+    [
+        offsets.position.0.into(),
+        offsets.velocity.0.into(),
+        offsets.torque.0.into(),
+    ]
 }
 
 /// Converts to `i64`, cut to its range.

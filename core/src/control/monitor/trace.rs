@@ -1,4 +1,5 @@
-//! Rules of one channel, from sample to sample. Arithmetic in `i64`: differences of differences of `i32` values fit.
+//! Rules of one channel, from sample to sample. Arithmetic in `i64`: differences of differences of
+//! `i32` values fit.
 
 use super::violation::Rule;
 use crate::control::channel::Limits;
@@ -69,10 +70,14 @@ impl Trace {
     /// A channel at rest.
     #[must_use]
     pub const fn at_rest(value: i64) -> Self {
-        Self { value, change: Some(0) }
+        Self {
+            value,
+            change: Some(0),
+        }
     }
 
-    /// Checks `value`, at most `steps` steps of the channel after `before`, and makes it the last sample.
+    /// Checks `value`, at most `steps` steps of the channel after `before`, and makes it the last
+    /// sample.
     ///
     /// # Errors
     /// The first broken rule.
@@ -83,7 +88,10 @@ impl Trace {
         motion: Motion,
         bounds: &Bounds,
     ) -> Result<(), Breach> {
-        let last = before.replace(Self { value, change: None });
+        let last = before.replace(Self {
+            value,
+            change: None,
+        });
         let result = within(Rule::Max, bounds.max, value);
         let Some(last) = last else { return result };
         let change = value.saturating_sub(last.value);
@@ -95,7 +103,10 @@ impl Trace {
             let most = i64::try_from(steps).unwrap_or(i64::MAX);
             return result.and(within(Rule::Step, bounds.step.saturating_mul(most), change));
         }
-        *before = Some(Self { value, change: Some(change) });
+        *before = Some(Self {
+            value,
+            change: Some(change),
+        });
         result?;
         within(Rule::Step, bounds.step, change)?;
         match motion {
@@ -112,15 +123,27 @@ impl Trace {
 
 /// Returns the change of one ramp step.
 fn ramp_change(value: i64, ramp: i64) -> i64 {
-    if value > 0 { ramp.min(value).saturating_neg() } else { ramp.min(value.saturating_neg()) }
+    if value > 0 {
+        ramp.min(value).saturating_neg()
+    } else {
+        ramp.min(value.saturating_neg())
+    }
 }
 
 /// Checks that a magnitude is within its limit.
 pub(super) fn within(rule: Rule, limit: i64, found: i64) -> Result<(), Breach> {
-    if found.saturating_abs() <= limit { Ok(()) } else { Err(Breach { rule, limit, found }) }
+    if found.saturating_abs() <= limit {
+        Ok(())
+    } else {
+        Err(Breach { rule, limit, found })
+    }
 }
 
 /// Checks that a value is the demanded one.
 pub(super) fn exactly(rule: Rule, limit: i64, found: i64) -> Result<(), Breach> {
-    if found == limit { Ok(()) } else { Err(Breach { rule, limit, found }) }
+    if found == limit {
+        Ok(())
+    } else {
+        Err(Breach { rule, limit, found })
+    }
 }

@@ -54,7 +54,8 @@ pub enum Rule {
     Accel,
     /// The offset moves by exactly `min(rho, |offset|)` towards zero.
     Ramp,
-    /// The offset does not move: before Obtain, and for positions in Obtain without a fresh command.
+    /// The offset does not move: before Obtain, and for positions in Obtain without a fresh
+    /// command.
     Hold,
     /// The offset is zero before Obtain.
     Zero,
@@ -80,7 +81,8 @@ pub struct Violation {
     pub channel: ChannelKind,
     /// Rule.
     pub rule: Rule,
-    /// Largest magnitude that the rule allows, or the one value that it demands; in the channel's unit.
+    /// Largest magnitude that the rule allows, or the one value that it demands; in the channel's
+    /// unit.
     pub limit: i64,
     /// Value found. Cut to the range of `i64`, as is the limit.
     pub found: i64,
@@ -100,9 +102,18 @@ impl fmt::Display for Violation {
             Rule::Travel => ("reference is", "inside the travel, which ends at"),
             Rule::ReferenceStep => ("reference changed by", "at most"),
         };
-        let Self { axis, channel, limit, found, .. } = self;
+        let Self {
+            axis,
+            channel,
+            limit,
+            found,
+            ..
+        } = self;
         let unit = channel.unit();
-        write!(f, "axis {axis}, {channel}: {is} {found} {unit}; expected {demanded} {limit} {unit}")
+        write!(
+            f,
+            "axis {axis}, {channel}: {is} {found} {unit}; expected {demanded} {limit} {unit}"
+        )
     }
 }
 

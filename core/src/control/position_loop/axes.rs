@@ -1,4 +1,5 @@
-//! Position loops of all axes. They run and stop together: some of them moved and some not could be a pose that the machine does not have.
+//! Position loops of all axes. They run and stop together: some of them moved and some not could be
+//! a pose that the machine does not have.
 
 use super::config::LoopConfig;
 use super::{LoopInput, LoopStop, PositionLoop, VelocityReference};
@@ -15,7 +16,8 @@ pub struct PositionLoops<const N: usize> {
     config: [LoopConfig; N],
     #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     axes: [PositionLoop; N],
-    /// The loops before the last tick, whose references are in force if the drives did not take those of the last.
+    /// The loops before the last tick, whose references are in force if the drives did not take
+    /// those of the last.
     #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     before: [PositionLoop; N],
 }
@@ -36,32 +38,52 @@ struct Unchecked<const N: usize> {
 impl<const N: usize> TryFrom<Unchecked<N>> for PositionLoops<N> {
     type Error = &'static str;
 
-    fn try_from(Unchecked { config, axes, before }: Unchecked<N>) -> Result<Self, Self::Error> {
-        Self::from_parts(config, axes, before).ok_or("the state of the position loops contradicts their configuration")
+    fn try_from(
+        Unchecked {
+            config,
+            axes,
+            before,
+        }: Unchecked<N>,
+    ) -> Result<Self, Self::Error> {
+        Self::from_parts(config, axes, before)
+            .ok_or("the state of the position loops contradicts their configuration")
     }
 }
 
 impl<const N: usize> PositionLoops<N> {
-    /// Creates loops at rest at these references. They wait for [`super::Permit::Rearm`].
+    /// Creates loops at rest at these references. They wait for [`super::Enable::Rearm`].
     #[must_use]
     pub fn at_rest(config: [LoopConfig; N], references: [PositionNm; N]) -> Self {
         let axes = references.map(PositionLoop::at_rest);
-        Self { config, axes, before: axes }
+        Self {
+            config,
+            axes,
+            before: axes,
+        }
     }
 
-    /// Builds loops from their parts, those now and those before the last tick, if they satisfy the invariant.
+    /// Builds loops from their parts, those now and those before the last tick, if they satisfy the
+    /// invariant.
     #[must_use]
-    pub fn from_parts(config: [LoopConfig; N], axes: [PositionLoop; N], before: [PositionLoop; N]) -> Option<Self> {
-        let loops = Self { config, axes, before };
+    pub fn from_parts(
+        config: [LoopConfig; N],
+        axes: [PositionLoop; N],
+        before: [PositionLoop; N],
+    ) -> Option<Self> {
+        let loops = Self {
+            config,
+            axes,
+            before,
+        };
         loops.is_valid().then_some(loops)
     }
 
-    /// The invariant, clause by clause: every loop is valid, now and before the last tick; all of them run, or none.
+    /// The invariant, clause by clause: every loop is valid, now and before the last tick; all of
+    /// them run, or none.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        let is_valid = |axes: &[PositionLoop; N]| zip(axes, &self.config).all(|(axis, config)| axis.is_valid(config));
-        is_valid(&self.axes)
-            && is_valid(&self.before)
+        are_valid(&self.axes, &self.config)
+            && are_valid(&self.before, &self.config)
             && (self.is_running() || each(&self.axes).all(|axis| axis.stop().is_some()))
     }
 
@@ -83,36 +105,48 @@ impl<const N: usize> PositionLoops<N> {
         each(&self.axes).all(PositionLoop::is_at_rest)
     }
 
-    /// Returns the index of the first axis that has stopped by itself, and the reason; `None` while the axes run.
+    /// Returns the index of the first axis that has stopped by itself, and the reason; `None` while
+    /// the axes run.
     #[must_use]
     pub fn stop(&self) -> Option<(usize, LoopStop)> {
-        let stops = || each(&self.axes).map(PositionLoop::stop).enumerate();
-        let mut all = stops().filter_map(|(index, stop)| Some((index, stop?)));
-        all.find(|(_, stop)| *stop != LoopStop::OtherAxis)
+        let stops = each(&self.axes).map(PositionLoop::stop).enumerate();
+        stops
+            .filter_map(|(index, stop)| Some((index, stop?)))
+            .find(|(_, stop)| *stop != LoopStop::OtherAxis)
     }
 
     /// Runs one tick of all axes.
     ///
-    /// `accepted`: the drives took the references of the last tick. If they did not, the loops go on from those before, and stop: so what
-    /// is in force at a drive makes no step, whatever it refuses.
+    /// `accepted`: the drives took the references of the last tick. If they did not, the loops go
+    /// on from those before, and stop: so what is in force at a drive makes no step, even if a
+    /// write is refused.
     pub fn tick(&mut self, inputs: &[LoopInput; N], accepted: bool) -> [VelocityReference; N] {
-        let Self { config, axes, before } = self;
+        let Self {
+            config,
+            axes,
+            before,
+        } = self;
         if !accepted {
             *axes = *before;
             stop_all(axes, LoopStop::Refused);
         }
         *before = *axes;
         let ready = accepted
-            && (0..N).all(|index| match (axes.get(index), config.get(index), inputs.get(index)) {
-                (Some(axis), Some(config), Some(input)) => axis.is_ready(config, input),
-                _ => false,
-            });
+            && (0..N).all(
+                |index| match (axes.get(index), config.get(index), inputs.get(index)) {
+                    (Some(axis), Some(config), Some(input)) => axis.is_ready(config, input),
+                    _ => false,
+                },
+            );
         // Counted, as in `crate::zip`.
         let mut errors = [0_i64; N];
         for index in 0..N {
-            if let (Some(axis), Some(config), Some(input), Some(error)) =
-                (axes.get_mut(index), config.get(index), inputs.get(index), errors.get_mut(index))
-            {
+            if let (Some(axis), Some(config), Some(input), Some(error)) = (
+                axes.get_mut(index),
+                config.get(index),
+                inputs.get(index),
+                errors.get_mut(index),
+            ) {
                 axis.keep(input.reference.position);
                 if ready {
                     axis.restart(input.reference.position);
@@ -137,6 +171,11 @@ impl<const N: usize> PositionLoops<N> {
         }
         references
     }
+}
+
+/// True if each loop is valid under its configuration.
+fn are_valid<const N: usize>(axes: &[PositionLoop; N], config: &[LoopConfig; N]) -> bool {
+    zip(axes, config).all(|(axis, config)| axis.is_valid(config))
 }
 
 /// Stops the loops that run.

@@ -7,7 +7,8 @@ use crate::units::{TorquePermille, VelocityUmS};
 
 /// Largest error and change of a reference that act, nm: 16.8 mm. What is beyond counts as this.
 pub const MAX_ERROR_NM: i64 = 1 << 24;
-/// Largest window of the following error, nm: below [`MAX_ERROR_NM`], so that the largest error is outside of every window.
+/// Largest window of the following error, nm: below [`MAX_ERROR_NM`], so that the largest error is
+/// outside of every window.
 pub const MAX_WINDOW_NM: i32 = (1 << 24) - 1;
 /// References that are kept, beside the one of the tick.
 pub const MAX_LAG: u8 = 10;
@@ -32,18 +33,22 @@ pub struct LoopValues {
     pub gain: u16,
     /// Velocity feed-forward, in 2^-10 of the reference's velocity; at most [`MAX_WEIGHT`].
     pub velocity_feed_forward: u16,
-    /// Torque feed-forward, in 2^-16 per mille of rated torque per µm/s per tick; at most [`MAX_TORQUE_WEIGHT`].
+    /// Torque feed-forward, in 2^-16 per mille of rated torque per µm/s per tick; at most
+    /// [`MAX_TORQUE_WEIGHT`].
     pub torque_feed_forward: u16,
-    /// Growth of the integral per tick, in 2^-10 of the proportional term; at most [`MAX_WEIGHT`]. 0: no integral.
+    /// Growth of the integral per tick, in 2^-10 of the proportional term; at most [`MAX_WEIGHT`].
+    /// 0: no integral.
     pub integral: u16,
     /// Largest magnitude of the integral, µm/s; at least 0.
     pub integral_max: i32,
-    /// Ticks between a reference and the actual value that belongs to it: one, and the latencies of command and measurement.
-    /// At most [`MAX_LAG`]. 0 compares with the reference of the same tick, which is right for no drive.
+    /// Ticks between a reference and the actual value that belongs to it: one, and the latencies of
+    /// command and measurement. At most [`MAX_LAG`]. 0 compares with the reference of the same
+    /// tick, which is right for no drive.
     pub lag: u8,
     /// Window of the following error, nm; 1 to [`MAX_WINDOW_NM`].
     pub window_nm: i32,
-    /// Ticks in a row outside the window, or with the velocity cut by its limits, until the trip; at least 1.
+    /// Ticks in a row outside the window, or with the velocity cut by its limits, until the trip;
+    /// at least 1.
     pub window_ticks: u16,
     /// Limits of the velocity reference, µm/s per tick.
     pub velocity: Limits<VelocityUmS>,
@@ -94,8 +99,16 @@ impl LoopConfig {
     pub fn new(values: LoopValues) -> Result<Self, LoopConfigError> {
         for (name, value, max) in [
             (LoopValue::Gain, values.gain, MAX_GAIN),
-            (LoopValue::VelocityFeedForward, values.velocity_feed_forward, MAX_WEIGHT),
-            (LoopValue::TorqueFeedForward, values.torque_feed_forward, MAX_TORQUE_WEIGHT),
+            (
+                LoopValue::VelocityFeedForward,
+                values.velocity_feed_forward,
+                MAX_WEIGHT,
+            ),
+            (
+                LoopValue::TorqueFeedForward,
+                values.torque_feed_forward,
+                MAX_TORQUE_WEIGHT,
+            ),
             (LoopValue::Integral, values.integral, MAX_WEIGHT),
             (LoopValue::Lag, u16::from(values.lag), u16::from(MAX_LAG)),
         ] {
@@ -103,13 +116,21 @@ impl LoopConfig {
         }
         in_range(LoopValue::IntegralMax, values.integral_max, 0, i32::MAX)?;
         in_range(LoopValue::WindowNm, values.window_nm, 1, MAX_WINDOW_NM)?;
-        in_range(LoopValue::WindowTicks, values.window_ticks.into(), 1, u16::MAX.into())?;
+        in_range(
+            LoopValue::WindowTicks,
+            values.window_ticks.into(),
+            1,
+            u16::MAX.into(),
+        )?;
         let torque_max = values.torque.max();
         in_range(LoopValue::TorqueMax, torque_max, 0, i16::MAX.into())?;
         let lag = values.lag.max(1);
         let product = u32::from(values.gain).saturating_mul(u32::from(lag).saturating_add(1));
         if product > MAX_GAIN_TIMES_LAG {
-            return Err(LoopConfigError::GainTimesLag { gain: values.gain, lag });
+            return Err(LoopConfigError::GainTimesLag {
+                gain: values.gain,
+                lag,
+            });
         }
         Ok(Self(values))
     }
@@ -123,7 +144,8 @@ impl LoopConfig {
 
 #[cfg(kani)]
 impl kani::Arbitrary for LoopConfig {
-    /// Any configuration that validation accepts. Nothing is assumed: refused ones become [`LoopConfig::DISABLED`].
+    /// Any configuration that validation accepts. Nothing is assumed: refused ones become
+    /// [`LoopConfig::DISABLED`].
     fn any() -> Self {
         Self::new(kani::any()).unwrap_or(Self::DISABLED)
     }
@@ -198,12 +220,26 @@ pub enum LoopConfigError {
 impl fmt::Display for LoopConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::OutOfRange { value, found, lower, upper } => {
-                write!(f, "{} is {found}; it must be from {lower} to {upper}", value.name())
+            Self::OutOfRange {
+                value,
+                found,
+                lower,
+                upper,
+            } => {
+                write!(
+                    f,
+                    "{} is {found}; it must be from {lower} to {upper}",
+                    value.name()
+                )
             }
             Self::GainTimesLag { gain, lag } => {
-                let most = MAX_GAIN_TIMES_LAG.checked_div(u32::from(*lag).saturating_add(1)).unwrap_or(0);
-                write!(f, "gain is {gain}; with a lag of {lag} ticks it must be at most {most} (2^-16 um/s per nm)")
+                let most = MAX_GAIN_TIMES_LAG
+                    .checked_div(u32::from(*lag).saturating_add(1))
+                    .unwrap_or(0);
+                write!(
+                    f,
+                    "gain is {gain}; with a lag of {lag} ticks it must be at most {most} (2^-16 um/s per nm)"
+                )
             }
         }
     }
@@ -211,10 +247,20 @@ impl fmt::Display for LoopConfigError {
 
 impl core::error::Error for LoopConfigError {}
 
-const fn in_range(value: LoopValue, found: i32, lower: i32, upper: i32) -> Result<(), LoopConfigError> {
+const fn in_range(
+    value: LoopValue,
+    found: i32,
+    lower: i32,
+    upper: i32,
+) -> Result<(), LoopConfigError> {
     if lower <= found && found <= upper {
         Ok(())
     } else {
-        Err(LoopConfigError::OutOfRange { value, found, lower, upper })
+        Err(LoopConfigError::OutOfRange {
+            value,
+            found,
+            lower,
+            upper,
+        })
     }
 }

@@ -1,35 +1,34 @@
-//! Terms of a position loop: one multiplication each. The proportional and the torque term are in sign and magnitude, so that they are odd (T20).
+//! Terms of a position loop: one multiplication each. The proportional and the torque term are in
+//! sign and magnitude, so that they are odd (T20).
 
 use super::config::MAX_ERROR_NM;
 
-/// `from - to`, if it is within ± `most`, which is from 0 to [`MAX_ERROR_NM`]; total.
-#[inline]
-#[must_use]
-pub(crate) fn near(from: i64, to: i64, most: i64) -> Option<i64> {
-    let difference = from.checked_sub(to)?;
-    // One comparison for both ends: what is below the lower one wraps to a large number.
-    let above = 0_u64.wrapping_add_signed(difference.wrapping_add(most));
-    (above <= 0_u64.wrapping_add_signed(most.wrapping_mul(2))).then_some(difference)
-}
-
-/// `from - to`, cut to [`MAX_ERROR_NM`]; total.
+/// `from - to`, cut to ± [`MAX_ERROR_NM`]; total.
 #[inline]
 #[must_use]
 pub fn difference(from: i64, to: i64) -> i64 {
-    match near(from, to, MAX_ERROR_NM) {
-        Some(difference) => difference,
-        None => beyond(from, to),
+    match from.checked_sub(to) {
+        Some(difference)
+            if MAX_ERROR_NM.wrapping_neg() <= difference && difference <= MAX_ERROR_NM =>
+        {
+            difference
+        }
+        _ => beyond(from, to),
     }
 }
 
-/// Difference of positions that are far apart. A function of its own, so that near ones cost a subtraction and two branches.
-#[cold]
+/// Difference of positions that are far apart.
+#[cold] // Otherwise both cases are computed every time: 7 % more instructions per tick.
 const fn beyond(from: i64, to: i64) -> i64 {
-    if from < to { MAX_ERROR_NM.wrapping_neg() } else { MAX_ERROR_NM }
+    if from < to {
+        MAX_ERROR_NM.wrapping_neg()
+    } else {
+        MAX_ERROR_NM
+    }
 }
 
-/// Product of a value within ± 2^25 and a weight: below 2^41, so nothing wraps. A function of its own, because a
-/// solver cannot compare two products: in proofs any function takes its place.
+/// Product of a value within ± 2^25 and a weight: below 2^41, so nothing wraps. A function of its
+/// own, because a solver cannot compare two products: in proofs any function takes its place.
 #[inline]
 #[must_use]
 pub fn product(value: i64, weight: u16) -> i64 {
@@ -41,7 +40,11 @@ pub fn product(value: i64, weight: u16) -> i64 {
 #[must_use]
 pub fn weighted(value: i64, weight: u16) -> i64 {
     let magnitude = product(value.wrapping_abs(), weight) >> 16;
-    if value < 0 { magnitude.wrapping_neg() } else { magnitude }
+    if value < 0 {
+        magnitude.wrapping_neg()
+    } else {
+        magnitude
+    }
 }
 
 /// Weights a change within ± 2^25 by `weight * 2^-10`, rounding down; exact with a weight of 1 024.
@@ -51,14 +54,18 @@ pub fn fed_forward(change: i64, weight: u16) -> i64 {
     product(change, weight) >> 10
 }
 
-/// Integral of the loop, in 2^-10 µm/s: grows by `growth`, and stays within `most` (µm/s). It does not grow towards `short`, by which
-/// the output is short of what was wanted.
+/// Integral of the loop, in 2^-10 µm/s: grows by `growth`, and stays within `most` (µm/s). It does
+/// not grow towards `short`, by which the output is short of what was wanted.
 #[inline]
 #[must_use]
 pub fn integrate(integral: i64, growth: i64, short: i64, most: i32) -> i64 {
-    let winds_up = growth > 0 && short > 0 || growth < 0 && short < 0;
+    let winds_up = short != 0 && (growth < 0) == (short < 0);
     let most = i64::from(most) << INTEGRAL_SHIFT;
-    let grown = if winds_up { integral } else { integral.saturating_add(growth) };
+    let grown = if winds_up {
+        integral
+    } else {
+        integral.saturating_add(growth)
+    };
     grown.max(most.saturating_neg()).min(most)
 }
 

@@ -1,4 +1,5 @@
-//! Second half of a tick: each axis carries out the decision with its own channels, limits and travel.
+//! Second half of a tick: each axis carries out the decision with its own channels, limits and
+//! travel.
 
 use super::channels::{AxisChannels, limited};
 use super::config::{AxisConfig, Travel};
@@ -43,8 +44,8 @@ pub struct AxisCommand {
 }
 
 impl Axis {
-    /// The invariant, clause by clause: channels and shadow are valid under their limits; before Obtain the channels rest
-    /// at zero (T6); outside Submit the shadow rests at zero.
+    /// The invariant, clause by clause: channels and shadow are valid under their limits; before
+    /// Obtain the channels rest at zero (T6); outside Submit the shadow rests at zero.
     #[must_use]
     pub fn is_valid(&self, phase: Phase, limits: &AxisLimits) -> bool {
         let resting = matches!(phase, Phase::Listening | Phase::Handshake | Phase::Submit);
@@ -54,15 +55,25 @@ impl Axis {
             && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
     }
 
-    /// Returns the reference of the last tick, before the clamp to the travel. `state` becomes the axis' part of the State.
+    /// Returns the reference of the last tick, before the clamp to the travel. `state` becomes the
+    /// axis' part of the State.
     #[inline]
     #[must_use]
     pub fn held(&self, state: &mut AxisState) -> Reference {
         let offsets = self.channels.offsets();
-        let everywhere = Travel { lower: PositionNm(i64::MIN), upper: PositionNm(i64::MAX) };
+        let everywhere = Travel {
+            lower: PositionNm(i64::MIN),
+            upper: PositionNm(i64::MAX),
+        };
         let (reference, _) = drive_reference(self.nominal, &offsets, &everywhere);
         let (shadow, flags) = (self.shadow.offsets(), AxisFlags::default());
-        *state = AxisState { nominal: self.nominal, offsets, shadow, actual: self.actual, flags };
+        *state = AxisState {
+            nominal: self.nominal,
+            offsets,
+            shadow,
+            actual: self.actual,
+            flags,
+        };
         reference
     }
 
@@ -70,13 +81,22 @@ impl Axis {
     #[inline]
     #[must_use]
     pub fn in_force(&self) -> InForce {
-        InForce { nominal: self.nominal, offsets: self.channels.offsets() }
+        InForce {
+            nominal: self.nominal,
+            offsets: self.channels.offsets(),
+        }
     }
 
-    /// Carries out a command. Returns the drive's reference; `state` becomes the axis' part of the State.
+    /// Carries out a command. Returns the drive's reference; `state` becomes the axis' part of the
+    /// State.
     // Not inlined: a copy per axis would leave the tick no registers.
     #[inline(never)]
-    pub fn act(&mut self, command: &AxisCommand, config: &AxisConfig, state: &mut AxisState) -> Reference {
+    pub fn act(
+        &mut self,
+        command: &AxisCommand,
+        config: &AxisConfig,
+        state: &mut AxisState,
+    ) -> Reference {
         let limits = &config.limits;
         let target = &command.target;
         self.channels.act(command.action, target, limits);
@@ -95,29 +115,39 @@ impl Axis {
                 (Offsets::ZERO, limited(&offsets, command.action, target))
             }
         };
-        let (reference, clamped) = drive_reference(command.nominal, &offsets, &config.machine_travel);
+        let (reference, clamped) =
+            drive_reference(command.nominal, &offsets, &config.machine_travel);
         *state = AxisState {
             nominal: command.nominal,
             offsets,
             shadow,
             actual: command.actual,
-            flags: AxisFlags(limited.0 | clamped.0).with(AxisFlags::NOMINAL_STEP, command.nominal_stepped),
+            flags: AxisFlags(limited.0 | clamped.0)
+                .with(AxisFlags::NOMINAL_STEP, command.nominal_stepped),
         };
         reference
     }
 }
 
-/// Returns the drive's reference: `clamp(nominal + offset, travel)`, and a flag if the clamp changed it. A clamp never enlarges
-/// a difference, so for a fixed travel the position changes by at most |change of nominal| + |change of offset| (T3).
+/// Returns the drive's reference: `clamp(nominal + offset, travel)`, and a flag if the clamp
+/// changed it. A clamp never enlarges a difference, so for a fixed travel the position changes by
+/// at most |change of nominal| + |change of offset| (T3).
 #[inline]
 #[must_use]
-pub fn drive_reference(nominal: PositionNm, offsets: &Offsets, travel: &Travel) -> (Reference, AxisFlags) {
+pub fn drive_reference(
+    nominal: PositionNm,
+    offsets: &Offsets,
+    travel: &Travel,
+) -> (Reference, AxisFlags) {
     let wanted = nominal.0.saturating_add(i64::from(offsets.position.0));
     // Not `clamp`, which would panic on reversed ends; the configuration refuses those.
     let position = wanted.max(travel.lower.0).min(travel.upper.0);
     let flags = AxisFlags::default().with(AxisFlags::TRAVEL, position != wanted);
-    let reference =
-        Reference { position: PositionNm(position), velocity_offset: offsets.velocity, torque_offset: offsets.torque };
+    let reference = Reference {
+        position: PositionNm(position),
+        velocity_offset: offsets.velocity,
+        torque_offset: offsets.torque,
+    };
     (reference, flags)
 }
 

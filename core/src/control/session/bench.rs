@@ -1,9 +1,12 @@
-//! A session for tests, played tick by tick, with a monitor that checks T1, T2, T3 and T5 on every tick.
+//! A session for tests, played tick by tick, with a monitor that checks T1, T2, T3 and T5 on every
+//! tick.
 
 use std::vec::Vec as StdVec;
 
 use super::config::{Config, Parameters};
-use super::{Connection, Event, Events, Input, LastWrite, Output, Reading, Session, Start, TickInput};
+use super::{
+    Connection, Event, Events, Input, LastWrite, Output, Reading, Session, Start, TickInput,
+};
 use crate::control::axis::{InForce, Offsets};
 use crate::control::fixture::{HELLO, at, command};
 use crate::control::message::{ClientMessage, Mode};
@@ -12,7 +15,10 @@ use crate::units::{Epoch, EpochRange, PositionNm};
 
 pub(crate) const OWNER: Connection = Connection(1);
 /// Epochs from 7 on.
-pub(super) const EPOCHS: EpochRange = EpochRange { first: Epoch(7), last: Epoch(u64::MAX) };
+pub(super) const EPOCHS: EpochRange = EpochRange {
+    first: Epoch(7),
+    last: Epoch(u64::MAX),
+};
 
 /// Event of one tick, of the client, the server or the machine.
 #[derive(Clone, Debug)]
@@ -33,9 +39,18 @@ pub(crate) enum Move {
     Written(LastWrite<2>),
 }
 
-pub(crate) const STOP: Move = Move::Switches { stop: true, rearm: false };
-pub(crate) const REARM: Move = Move::Switches { stop: false, rearm: true };
-pub(super) const BOTH: Move = Move::Switches { stop: true, rearm: true };
+pub(crate) const STOP: Move = Move::Switches {
+    stop: true,
+    rearm: false,
+};
+pub(crate) const REARM: Move = Move::Switches {
+    stop: false,
+    rearm: true,
+};
+pub(super) const BOTH: Move = Move::Switches {
+    stop: true,
+    rearm: true,
+};
 
 /// The owner asks for this offset at both axes.
 pub(super) fn obtain(position: i32) -> Move {
@@ -49,7 +64,10 @@ pub(super) fn submit(position: i32) -> Move {
 /// A start with these offsets in force, at nominal position zero.
 pub(super) fn start(offsets: [Offsets; 2]) -> Start<2> {
     let nominal = PositionNm(0);
-    Start { in_force: offsets.map(|offsets| InForce { nominal, offsets }), stop_latched: false }
+    Start {
+        in_force: offsets.map(|offsets| InForce { nominal, offsets }),
+        stop_latched: false,
+    }
 }
 
 #[derive(Clone)]
@@ -69,7 +87,11 @@ impl Bench {
         let travel = parameters.axes.map(|axis| axis.machine_travel);
         let mut monitor = Monitor::new(parameters.axes.map(|axis| axis.limits), Some(travel));
         monitor.rebase(&start.in_force).unwrap();
-        Self { session, monitor, sequence: 0 }
+        Self {
+            session,
+            monitor,
+            sequence: 0,
+        }
     }
 
     /// The next command of the owner.
@@ -91,7 +113,10 @@ impl Bench {
             Move::Goodbye => Some(ClientMessage::Goodbye(self.session.epoch())),
             Move::Silence | Move::Switches { .. } | Move::Written(_) => None,
         };
-        let events: StdVec<_> = message.into_iter().map(|message| (OWNER, Event::Message(message))).collect();
+        let events: StdVec<_> = message
+            .into_iter()
+            .map(|message| (OWNER, Event::Message(message)))
+            .collect();
         self.tick_with(&events, |tick| {
             tick.reading = Some(Reading::unmeasured(nominal));
             match one {

@@ -22,7 +22,11 @@ pub struct AxisChannels {
 
 impl AxisChannels {
     /// All three at zero and at rest.
-    pub const ZERO: Self = Self { position: Channel::ZERO, velocity: Channel::ZERO, torque: Channel::ZERO };
+    pub const ZERO: Self = Self {
+        position: Channel::ZERO,
+        velocity: Channel::ZERO,
+        torque: Channel::ZERO,
+    };
 
     /// Channels at rest at offsets read back from a drive, if these are within the limits.
     #[must_use]
@@ -60,7 +64,11 @@ impl AxisChannels {
     #[inline]
     #[must_use]
     pub fn offsets(&self) -> Offsets {
-        Offsets { position: self.position.value(), velocity: self.velocity.value(), torque: self.torque.value() }
+        Offsets {
+            position: self.position.value(),
+            velocity: self.velocity.value(),
+            torque: self.torque.value(),
+        }
     }
 
     /// Returns the number of ramp ticks until all three are zero.
@@ -77,7 +85,11 @@ impl AxisChannels {
     pub fn act(&mut self, action: Action, targets: &Offsets, limits: &AxisLimits) {
         match action {
             Action::Follow | Action::FollowZero => {
-                let targets = if action == Action::Follow { targets } else { &Offsets::ZERO };
+                let targets = if action == Action::Follow {
+                    targets
+                } else {
+                    &Offsets::ZERO
+                };
                 self.position = self.position.follow(targets.position, &limits.position);
                 self.velocity = self.velocity.follow(targets.velocity, &limits.velocity);
                 self.torque = self.torque.follow(targets.torque, &limits.torque);
@@ -93,7 +105,8 @@ impl AxisChannels {
         }
     }
 
-    /// Takes one step of the ramps of velocity and torque: holding a push would not hold the machine.
+    /// Takes one step of the ramps of velocity and torque: holding a push would not hold the
+    /// machine.
     #[inline]
     fn ramp_pushes(&mut self, limits: &AxisLimits) {
         self.velocity = self.velocity.ramp(&limits.velocity);
@@ -111,7 +124,13 @@ pub(super) fn limited(reached: &Offsets, action: Action, targets: &Offsets) -> A
         Action::Hold | Action::Ramp => return AxisFlags::default(),
     };
     AxisFlags::default()
-        .with(AxisFlags::POSITION_LIMITED, reached.position != targets.position)
-        .with(AxisFlags::VELOCITY_LIMITED, reached.velocity != targets.velocity)
+        .with(
+            AxisFlags::POSITION_LIMITED,
+            reached.position != targets.position,
+        )
+        .with(
+            AxisFlags::VELOCITY_LIMITED,
+            reached.velocity != targets.velocity,
+        )
         .with(AxisFlags::TORQUE_LIMITED, reached.torque != targets.torque)
 }

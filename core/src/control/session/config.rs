@@ -7,7 +7,8 @@ use crate::control::message::{AxisLimits, Capabilities, MAX_AXES};
 use crate::units::{OffsetNm, PositionNm};
 use crate::zip::each;
 
-/// Largest magnitude of a travel limit, and of a nominal reference for which T3 bounds the change of the reference: 2^61 nm.
+/// Largest magnitude of a travel limit, and of a nominal reference for which T3 bounds the change
+/// of the reference: 2^61 nm.
 pub const MAX_POSITION_NM: i64 = 1 << 61;
 
 /// A closed range of positions.
@@ -26,9 +27,15 @@ impl Travel {
     /// Travel of `reach_nm` to either side of zero.
     #[must_use]
     pub const fn around_zero(reach_nm: u32) -> Self {
-        #[expect(clippy::as_conversions, reason = "u32 to i64 is lossless; `From` is not const")]
+        #[expect(
+            clippy::as_conversions,
+            reason = "u32 to i64 is lossless; `From` is not const"
+        )]
         let reach = reach_nm as i64;
-        Self { lower: PositionNm(reach.saturating_neg()), upper: PositionNm(reach) }
+        Self {
+            lower: PositionNm(reach.saturating_neg()),
+            upper: PositionNm(reach),
+        }
     }
 }
 
@@ -42,20 +49,32 @@ pub struct AxisConfig {
     pub limits: AxisLimits,
     /// Range of the nominal reference.
     pub nominal_travel: Travel,
-    /// Range of the drive's reference; at both ends at least `M` of the position channel wider than `nominal_travel`.
+    /// Range of the drive's reference; at both ends at least `M` of the position channel wider than
+    /// `nominal_travel`.
     pub machine_travel: Travel,
     /// Largest change of the nominal reference per tick, nm. Zero means that it must not move.
     pub nominal_step_nm: u32,
 }
 
 impl AxisConfig {
-    /// An axis with position offsets only. Its machine travel is wider than `nominal_travel` by `M`.
+    /// An axis with position offsets only. Its machine travel is wider than `nominal_travel` by
+    /// `M`.
     #[must_use]
-    pub const fn position_only(position: Limits<OffsetNm>, nominal_travel: Travel, nominal_step_nm: u32) -> Self {
-        #[expect(clippy::as_conversions, reason = "i32 to i64 is lossless; `From` is not const")]
+    pub const fn position_only(
+        position: Limits<OffsetNm>,
+        nominal_travel: Travel,
+        nominal_step_nm: u32,
+    ) -> Self {
+        #[expect(
+            clippy::as_conversions,
+            reason = "i32 to i64 is lossless; `From` is not const"
+        )]
         let reach = position.max() as i64;
         Self {
-            limits: AxisLimits { position, ..AxisLimits::DISABLED },
+            limits: AxisLimits {
+                position,
+                ..AxisLimits::DISABLED
+            },
             nominal_travel,
             machine_travel: Travel {
                 lower: PositionNm(nominal_travel.lower.0.saturating_sub(reach)),
@@ -86,7 +105,8 @@ pub struct MissBudget {
 pub struct Parameters<const N: usize> {
     /// Length of a cycle, µs. Reported to the client; core has no clock.
     pub cycle_us: u32,
-    /// `W`: number of ticks that a command's echo may be behind the last State; 0 in the thesis profile.
+    /// `W`: number of ticks that a command's echo may be behind the last State; 0 in the thesis
+    /// profile.
     pub echo_window: u8,
     /// Ticks that a granted session waits for its first command; 1 000 in the thesis profile.
     pub handshake_ticks: u32,
@@ -102,7 +122,8 @@ pub struct Parameters<const N: usize> {
 }
 
 impl<const N: usize> Parameters<N> {
-    /// The thesis profile `[T 5.1.1]`: 1 kHz, every command answers the last State, one lost command tolerated, no budget beside it.
+    /// The thesis profile `[T 5.1.1]`: 1 kHz, every command answers the last State, one lost
+    /// command tolerated, no budget beside it.
     #[must_use]
     pub const fn thesis(axes: [AxisConfig; N]) -> Self {
         Self {
@@ -156,10 +177,17 @@ impl fmt::Display for ConfigError {
         match self {
             Self::Axes { axes } => write!(f, "{axes} axes; 1 to {MAX_AXES} are possible"),
             Self::HandshakeTicks => f.write_str("handshake_ticks must be at least 1"),
-            Self::BudgetWindow { window } => write!(f, "budget window is {window} ticks; 1 to 128 are possible"),
-            Self::TorqueMax { axis } => write!(f, "axis {axis}: torque max is above {} per mille", i16::MAX),
+            Self::BudgetWindow { window } => {
+                write!(f, "budget window is {window} ticks; 1 to 128 are possible")
+            }
+            Self::TorqueMax { axis } => {
+                write!(f, "axis {axis}: torque max is above {} per mille", i16::MAX)
+            }
             Self::Travel { axis } => {
-                write!(f, "axis {axis}: lower end of a travel is above its upper end, or an end is beyond 2^61 nm")
+                write!(
+                    f,
+                    "axis {axis}: lower end of a travel is above its upper end, or an end is beyond 2^61 nm"
+                )
             }
             Self::Margin { axis } => write!(
                 f,
@@ -175,7 +203,10 @@ impl core::error::Error for ConfigError {}
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(try_from = "Parameters<N>", into = "Parameters<N>"))]
+#[cfg_attr(
+    feature = "serde",
+    serde(try_from = "Parameters<N>", into = "Parameters<N>")
+)]
 pub struct Config<const N: usize> {
     parameters: Parameters<N>,
 }
@@ -227,7 +258,9 @@ impl<const N: usize> Config<N> {
 #[cfg(kani)]
 impl<const N: usize> kani::Arbitrary for Config<N> {
     fn any() -> Self {
-        let config = Self { parameters: kani::any() };
+        let config = Self {
+            parameters: kani::any(),
+        };
         kani::assume(Self::new(config.parameters).is_ok());
         kani::cover!(true, "some configurations are valid");
         config
@@ -238,9 +271,11 @@ fn check_axis(axis: usize, config: &AxisConfig) -> Result<(), ConfigError> {
     if i16::try_from(config.limits.torque.max()).is_err() {
         return Err(ConfigError::TorqueMax { axis });
     }
-    let (nominal, machine) = (config.nominal_travel, config.machine_travel);
+    let nominal = config.nominal_travel;
+    let machine = config.machine_travel;
     for travel in [nominal, machine] {
-        let far = travel.lower.0 < MAX_POSITION_NM.saturating_neg() || travel.upper.0 > MAX_POSITION_NM;
+        let far =
+            travel.lower.0 < MAX_POSITION_NM.saturating_neg() || travel.upper.0 > MAX_POSITION_NM;
         if far || travel.lower > travel.upper {
             return Err(ConfigError::Travel { axis });
         }
@@ -261,35 +296,87 @@ mod tests {
     use crate::control::fixture;
     use crate::control::message::AxisLimits;
 
+    /// A valid axis: 1 m of nominal travel to both sides, and 1 mm of offset.
+    fn valid_axis() -> AxisConfig {
+        fixture::axis(
+            fixture::limits(1_000_000, 5_000, 10_000, 100),
+            1_000_000_000,
+            1_000_000,
+        )
+    }
+
+    /// A travel, nm.
+    fn travel(lower: i64, upper: i64) -> Travel {
+        Travel {
+            lower: PositionNm(lower),
+            upper: PositionNm(upper),
+        }
+    }
+
+    /// The valid axis with this nominal travel, nm.
+    fn nominal(lower: i64, upper: i64) -> AxisConfig {
+        AxisConfig {
+            nominal_travel: travel(lower, upper),
+            ..valid_axis()
+        }
+    }
+
+    /// The valid axis with this machine travel, nm.
+    fn machine(lower: i64, upper: i64) -> AxisConfig {
+        AxisConfig {
+            machine_travel: travel(lower, upper),
+            ..valid_axis()
+        }
+    }
+
+    /// The valid axis with this largest torque offset, per mille.
+    fn torque(max: i32) -> AxisConfig {
+        let good = valid_axis();
+        AxisConfig {
+            limits: AxisLimits {
+                torque: fixture::limits(max, 3, 5, 1),
+                ..good.limits
+            },
+            ..good
+        }
+    }
+
     #[test]
     fn a_configuration_is_refused_by_name() {
-        let good = fixture::axis(fixture::limits(1_000_000, 5_000, 10_000, 100), 1_000_000_000, 1_000_000);
-        let between = |lower, upper| Travel { lower: PositionNm(lower), upper: PositionNm(upper) };
-        let nominal = |lower, upper| AxisConfig { nominal_travel: between(lower, upper), ..good };
-        let machine = |lower, upper| AxisConfig { machine_travel: between(lower, upper), ..good };
-        let torque =
-            |max| AxisConfig { limits: AxisLimits { torque: fixture::limits(max, 3, 5, 1), ..good.limits }, ..good };
-        let (travel, margin) = (Err(ConfigError::Travel { axis: 1 }), Err(ConfigError::Margin { axis: 1 }));
-        // 1 m of nominal travel to both sides, and 1 mm of offset.
-        let (most, beyond) = (1_001_000_000, MAX_POSITION_NM + 1);
+        let good = valid_axis();
+        let travel = Err(ConfigError::Travel { axis: 1 });
+        let margin = Err(ConfigError::Margin { axis: 1 });
+        // Nominal travel and offset.
+        let reach = 1_001_000_000;
+        let beyond = MAX_POSITION_NM + 1;
         let cases = [
             (machine(-MAX_POSITION_NM, MAX_POSITION_NM), Ok(())),
             (machine(-beyond, MAX_POSITION_NM), travel),
             (machine(-MAX_POSITION_NM, beyond), travel),
             (nominal(5, 5), Ok(())),
             (nominal(5, 4), travel),
-            (machine(-most, most), Ok(())),
-            (machine(1 - most, most), margin),
-            (machine(-most, most - 1), margin),
+            (machine(-reach, reach), Ok(())),
+            (machine(1 - reach, reach), margin),
+            (machine(-reach, reach - 1), margin),
             (nominal(-MAX_POSITION_NM, 0), margin),
             (torque(32_767), Ok(())),
             (torque(32_768), Err(ConfigError::TorqueMax { axis: 1 })),
         ];
         for (axis, expected) in cases {
-            assert_eq!(Config::new(Parameters::thesis([good, axis])).map(|_| ()), expected, "{axis:?}");
+            assert_eq!(
+                Config::new(Parameters::thesis([good, axis])).map(|_| ()),
+                expected,
+                "{axis:?}"
+            );
         }
         let only = AxisConfig::position_only(good.limits.position, good.nominal_travel, 1);
-        let limits = AxisLimits { position: good.limits.position, ..AxisLimits::DISABLED };
-        assert_eq!((only.limits, only.machine_travel), (limits, good.machine_travel));
+        let limits = AxisLimits {
+            position: good.limits.position,
+            ..AxisLimits::DISABLED
+        };
+        assert_eq!(
+            (only.limits, only.machine_travel),
+            (limits, good.machine_travel)
+        );
     }
 }

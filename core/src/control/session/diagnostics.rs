@@ -7,7 +7,13 @@ use crate::zip::each;
 
 impl<const N: usize> Parts<N> {
     /// Updates counters and cause after a tick, beside the counts of [`super::ingress`].
-    pub(super) fn update_diagnostics(&mut self, before: &FsmState, decision: &Decision, fsm: &FsmInput, late: bool) {
+    pub(super) fn update_diagnostics(
+        &mut self,
+        before: &FsmState,
+        decision: &Decision,
+        fsm: &FsmInput,
+        late: bool,
+    ) {
         if before.phase == Phase::Listening && decision.next.phase == Phase::Handshake {
             self.counters = Counters::default();
             self.late = false;
@@ -25,7 +31,8 @@ impl<const N: usize> Parts<N> {
         }
     }
 
-    /// Counts deadlines while commands are due; a session that ends for another reason has no deadline in that tick.
+    /// Counts deadlines while commands are due; a session that ends for another reason has no
+    /// deadline in that tick.
     fn count_misses(&mut self, before: &FsmState, decision: &Decision, fsm: &FsmInput) {
         let late = matches!(
             decision.end,
@@ -46,11 +53,18 @@ impl<const N: usize> Parts<N> {
 
 /// Counts limited channel steps and clamped references.
 pub(super) fn count_flags<const N: usize>(counters: &mut Counters, axes: &[AxisState; N]) {
+    let limited = count_set(axes, AxisFlags::LIMITED);
+    let clamped = count_set(axes, AxisFlags::TRAVEL);
+    counters.limited = counters.limited.saturating_add(limited);
+    counters.clamped = counters.clamped.saturating_add(clamped);
+}
+
+/// Returns the number of set flags of `mask`, over all axes.
+fn count_set<const N: usize>(axes: &[AxisState; N], mask: AxisFlags) -> u32 {
     // Sums of at most 3 N do not wrap.
-    let count =
-        |of: AxisFlags| each(axes).fold(0_u32, |sum, axis| sum.wrapping_add((axis.flags.0 & of.0).count_ones()));
-    counters.limited = counters.limited.saturating_add(count(AxisFlags::LIMITED));
-    counters.clamped = counters.clamped.saturating_add(count(AxisFlags::TRAVEL));
+    each(axes).fold(0_u32, |sum, axis| {
+        sum.wrapping_add((axis.flags.0 & mask.0).count_ones())
+    })
 }
 
 /// Returns the number of on-time deadlines among the latest 100.

@@ -1,6 +1,8 @@
-//! Classification of events, before the decision: accepted ones decide, others are refused or only counted.
+//! Classification of events, before the decision: accepted ones decide, others are refused or only
+//! counted.
 //!
-//! Accepted are the owner's fresh valid commands, stops and endings, and the first acceptable Hello; everything else leaves a count (T7).
+//! Accepted are the owner's fresh valid commands, stops and endings, and the first acceptable
+//! Hello; everything else leaves a count (T7).
 
 use super::act::Axis;
 use super::fsm::{FsmInput, FsmState};
@@ -27,7 +29,10 @@ impl<const N: usize> Accepted<N> {
     /// No event.
     #[must_use]
     pub fn nothing() -> Self {
-        Self { fsm: FsmInput::default(), targets: [Offsets::default(); N] }
+        Self {
+            fsm: FsmInput::default(),
+            targets: [Offsets::default(); N],
+        }
     }
 }
 
@@ -47,7 +52,10 @@ impl Diagnostics {
     /// Nothing since these counts.
     #[must_use]
     pub fn after(counters: &Counters) -> Self {
-        Self { counters: *counters, ..Self::default() }
+        Self {
+            counters: *counters,
+            ..Self::default()
+        }
     }
 }
 
@@ -95,9 +103,13 @@ impl<const N: usize> Classifier<'_, N> {
                 count(&mut counters.received);
                 match message {
                     ClientMessage::Command(command) => self.command(command, accepted, diagnostics),
-                    ClientMessage::Goodbye(epoch) if *epoch == self.discrete.epoch => fsm.goodbye = true,
+                    ClientMessage::Goodbye(epoch) if *epoch == self.discrete.epoch => {
+                        fsm.goodbye = true
+                    }
                     ClientMessage::Stop(epoch) if *epoch == self.discrete.epoch => fsm.stop = true,
-                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => count(&mut counters.stale),
+                    ClientMessage::Goodbye(_) | ClientMessage::Stop(_) => {
+                        count(&mut counters.stale)
+                    }
                     ClientMessage::Hello(_) => count(&mut counters.malformed),
                 }
             }
@@ -123,7 +135,11 @@ impl<const N: usize> Classifier<'_, N> {
                     }
                 }
             }
-            Event::Message(_) | Event::Malformed(_) | Event::Dropped(_) | Event::Broken(_) | Event::Flood => {
+            Event::Message(_)
+            | Event::Malformed(_)
+            | Event::Dropped(_)
+            | Event::Broken(_)
+            | Event::Flood => {
                 count(&mut diagnostics.counters.non_owner);
             }
             Event::Closed => {}
@@ -155,8 +171,14 @@ impl<const N: usize> Classifier<'_, N> {
         }
     }
 
-    /// Classifies a command of the owner: the highest fresh valid one acts, every other one is counted.
-    fn command(&self, command: &Command<N>, accepted: &mut Accepted<N>, diagnostics: &mut Diagnostics) {
+    /// Classifies a command of the owner: the highest fresh valid one acts, every other one is
+    /// counted.
+    fn command(
+        &self,
+        command: &Command<N>,
+        accepted: &mut Accepted<N>,
+        diagnostics: &mut Diagnostics,
+    ) {
         let counters = &mut diagnostics.counters;
         match self.verdict(command) {
             Verdict::Fresh => {}
@@ -197,15 +219,22 @@ impl<const N: usize> Classifier<'_, N> {
         }
         match self.discrete.tick.0.checked_sub(command.echo.0) {
             None => return Verdict::Stale,
-            Some(behind) if behind > u64::from(self.parameters.echo_window) => return Verdict::Late,
+            Some(behind) if behind > u64::from(self.parameters.echo_window) => {
+                return Verdict::Late;
+            }
             Some(_) => {}
         }
-        // Content that the wire format cannot check: the mode in this phase, the targets' magnitude.
+        // Content that the wire format cannot check: the mode in this phase, the targets'
+        // magnitude.
         if self.discrete.phase == Phase::Handshake && command.mode == Mode::Obtain {
             return Verdict::Malformed;
         }
         let mut axes = zip(&self.parameters.axes, &command.targets);
-        if axes.all(|(axis, target)| axis.limits.admits(target)) { Verdict::Fresh } else { Verdict::OutOfRange }
+        if axes.all(|(axis, target)| axis.limits.admits(target)) {
+            Verdict::Fresh
+        } else {
+            Verdict::OutOfRange
+        }
     }
 }
 
@@ -217,7 +246,8 @@ pub enum Verdict {
     Fresh,
     /// Has the sequence of the last accepted command.
     Duplicate,
-    /// Has another epoch, is too far ahead, answers a State that was never sent, or comes without a session.
+    /// Has another epoch, is too far ahead, answers a State that was never sent, or comes without a
+    /// session.
     Stale,
     /// Is behind the last accepted command, or answers an older State than the window allows.
     Late,

@@ -2,15 +2,14 @@
 
 use heapless::Vec;
 
-use super::fsm::{Decision, FsmInput, FsmState};
 use crate::control::axis::{Actual, InForce, Reference};
 use crate::control::message::{
     AxisState, Cause, ClientMessage, ContentError, Counters, FrameError, Phase, Refusal, State,
 };
 use crate::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
 
-/// Events that one tick can take: 8 frames of the owner, its flood or broken stream, a Stop behind a flood, its closing, and 5 events
-/// of non-owners.
+/// Events that one tick can take: 8 frames of the owner, its flood or broken stream, a Stop behind
+/// a flood, its closing, and 5 events of non-owners.
 pub const EVENTS: usize = 16;
 /// Frames of the owner that are read per tick (`K`); one more ends the session.
 pub const OWNER_FRAMES: u8 = 8;
@@ -55,13 +54,15 @@ pub type Refusals = Vec<(Connection, Refusal), EVENTS>;
 pub enum LastWrite<const N: usize> {
     /// The drives took them. Also the input of the first tick.
     Accepted,
-    /// The drives did not take them, which stops; they were read back and have these values in force.
+    /// The drives did not take them, which stops; they were read back and have these values in
+    /// force.
     Refused {
         /// Values in force, axis order.
         #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
         in_force: [InForce; N],
     },
-    /// The drives did not take them, which stops, and cannot be read back. No references are written until they can.
+    /// The drives did not take them, which stops, and cannot be read back. No references are
+    /// written until they can.
     Unknown,
 }
 
@@ -83,7 +84,10 @@ impl<const N: usize> Reading<N> {
     /// A machine that measures nothing: its actual values are reported as zero.
     #[must_use]
     pub const fn unmeasured(nominal: [PositionNm; N]) -> Self {
-        Self { nominal, actual: [Actual::ZERO; N] }
+        Self {
+            nominal,
+            actual: [Actual::ZERO; N],
+        }
     }
 }
 
@@ -93,20 +97,24 @@ impl<const N: usize> Reading<N> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct TickInput<const N: usize> {
-    /// Cycles since the last tick: 1 when on time; 0 counts as 1. Each further cycle is a missed deadline.
+    /// Cycles since the last tick: 1 when on time; 0 counts as 1. Each further cycle is a missed
+    /// deadline.
     pub elapsed_cycles: u32,
-    /// Nominal references and measurements; `None` when the machine could not be read, which stops: the last nominal references
-    /// stand, and count as in force until the machine is read again.
+    /// Nominal references and measurements; `None` when the machine could not be read, which stops:
+    /// the last nominal references stand, and count as in force until the machine is read again.
     pub reading: Option<Reading<N>>,
     /// The stop at the machine is asserted. It is latched until a re-arm ([`Output::latched`]).
     pub stop: bool,
-    /// The program is to end: ramps as a stop does, and latches nothing. Held until the program ends.
+    /// The program is to end: ramps as a stop does, and latches nothing. Held until the program
+    /// ends.
     pub quit: bool,
-    /// The re-arm at the machine is pressed. It counts only after it was seen released in the fault: a stuck one re-arms nothing.
+    /// The re-arm at the machine is pressed. It counts only after it was seen released in the
+    /// fault: a stuck one re-arms nothing.
     pub rearm: bool,
     /// Fate of the references of the last tick.
     pub last_write: LastWrite<N>,
-    /// Time from the departure of the last State to the arrival of the last command, µs; recorded only. 0 without a measurement.
+    /// Time from the departure of the last State to the arrival of the last command, µs; recorded
+    /// only. 0 without a measurement.
     pub arrival_us: u16,
 }
 
@@ -115,11 +123,16 @@ impl<const N: usize> TickInput<N> {
     #[inline]
     #[must_use]
     pub const fn cycles(&self) -> u32 {
-        if self.elapsed_cycles == 0 { 1 } else { self.elapsed_cycles }
+        if self.elapsed_cycles == 0 {
+            1
+        } else {
+            self.elapsed_cycles
+        }
     }
 }
 
-/// Complete input of one tick: the session after it depends on this and on the session before it only.
+/// Complete input of one tick: the session after it depends on this and on the session before it
+/// only.
 #[derive(Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -154,7 +167,11 @@ impl<const N: usize> Input<N> {
 
 impl<const N: usize> Clone for Input<N> {
     fn clone(&self) -> Self {
-        Self { tick: self.tick, epochs: self.epochs, events: self.events.clone() }
+        Self {
+            tick: self.tick,
+            epochs: self.epochs,
+            events: self.events.clone(),
+        }
     }
 
     /// Copies `other` into this place: only the events in use, not the capacity.
@@ -176,7 +193,8 @@ pub struct Output<const N: usize> {
     /// References of the axes. Not to be written if `withheld`.
     #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub references: [Reference; N],
-    /// The values in force at the drives are unknown or beyond their limits: nothing may be written in this cycle.
+    /// The values in force at the drives are unknown or beyond their limits: nothing may be written
+    /// in this cycle.
     pub withheld: bool,
     /// State of this tick.
     pub state: State<N>,
@@ -190,8 +208,9 @@ pub struct Output<const N: usize> {
     pub close: Option<Connection>,
     /// Cause of an end of a session, or of a stop, in this tick.
     pub ended: Option<Cause>,
-    /// A stop is latched: asserted by other than a quit, and not re-armed. To be stored before the references are written, and given to
-    /// the next session's [`super::Start::stop_latched`], in this process or a later one.
+    /// A stop is latched: asserted by other than a quit, and not re-armed. To be stored before the
+    /// references are written, and given to the next session's [`super::Start::stop_latched`], in
+    /// this process or a later one.
     pub latched: bool,
 }
 
@@ -221,21 +240,6 @@ impl<const N: usize> Output<N> {
             close: None,
             ended: None,
             latched: false,
-        }
-    }
-
-    /// Answers the Hellos: the one that was granted with a Welcome, the others with their refusals.
-    pub(super) fn answer(&mut self, before: &FsmState, decision: &Decision, fsm: &FsmInput, refusals: &Refusals) {
-        self.welcome = match (before.phase, decision.next.phase) {
-            (Phase::Listening, Phase::Handshake) => decision.next.owner,
-            _ => None,
-        };
-        // There is room: each event adds at most one refusal.
-        self.refusals.extend_from_slice(refusals).unwrap_or(());
-        if let (Some((connection, _)), None) = (fsm.hello, self.welcome) {
-            // A stop came with the Hello.
-            let reason = Refusal::Faulted { ticks_left: 0 };
-            self.refusals.push((connection, reason)).unwrap_or(());
         }
     }
 }

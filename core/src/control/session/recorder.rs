@@ -1,15 +1,17 @@
 //! A recorder of steps: the last inputs and outputs, and the state before the oldest of them.
 //!
-//! Three segments of `HALF` steps take turns; each begins with the state as it was. So at least `2 HALF` steps are at hand,
-//! and recording a step costs one copy of its input and output, never a second run. Once a step has ended what is recorded,
-//! recording goes on for `HALF` steps and then freezes: at least `HALF` steps before the end and `HALF` after it remain,
-//! until [`Recorder::release`]. Generic over state, input and output.
+//! Three segments of `HALF` steps take turns; each begins with the state as it was. So at least
+//! `2 HALF` steps are at hand, and recording a step costs one copy of its input and output, never a
+//! second run. Once a step has ended what is recorded, recording goes on for `HALF` steps and then
+//! freezes: at least `HALF` steps before the end and `HALF` after it remain, until
+//! [`Recorder::release`]. Generic over state, input and output.
 
 use heapless::Vec;
 
 use super::{Input, Output, Session};
 
-/// Recorder of the ticks of an endpoint: [`NoRecorder`], or a [`super::BlackBox`] in storage of the caller.
+/// Recorder of the ticks of an endpoint: [`NoRecorder`], or a [`super::BlackBox`] in storage of the
+/// caller.
 pub trait Record<const N: usize> {
     /// Called before a tick with the session that it starts from.
     fn before_tick(&mut self, session: &Session<N>);
@@ -29,7 +31,9 @@ impl<const N: usize> Record<N> for NoRecorder {
     fn after_tick(&mut self, _: &Input<N>, _: &Output<N>) {}
 }
 
-impl<const N: usize, const HALF: usize> Record<N> for Recorder<Session<N>, Input<N>, Output<N>, HALF> {
+impl<const N: usize, const HALF: usize> Record<N>
+    for Recorder<Session<N>, Input<N>, Output<N>, HALF>
+{
     #[inline]
     fn before_tick(&mut self, session: &Session<N>) {
         Self::before_tick(self, session);
@@ -67,13 +71,25 @@ pub struct Segment<S, I, O, const HALF: usize> {
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
     #[inline(always)] // As `Recorder::new`.
     const fn new() -> Self {
-        Self { before: None, entries: Vec::new(), used: 0 }
+        Self {
+            before: None,
+            entries: Vec::new(),
+            used: 0,
+        }
     }
 
     /// Builds a segment from its parts, if they satisfy the invariant.
     #[must_use]
-    pub fn from_parts(before: Option<S>, entries: Entries<I, O, HALF>, used: usize) -> Option<Self> {
-        let segment = Self { before, entries, used };
+    pub fn from_parts(
+        before: Option<S>,
+        entries: Entries<I, O, HALF>,
+        used: usize,
+    ) -> Option<Self> {
+        let segment = Self {
+            before,
+            entries,
+            used,
+        };
         segment.is_valid().then_some(segment)
     }
 
@@ -105,7 +121,10 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
             place.input.clone_from(input);
             place.output.clone_from(output);
         } else {
-            let entry = Entry { input: input.clone(), output: output.clone() };
+            let entry = Entry {
+                input: input.clone(),
+                output: output.clone(),
+            };
             // There is room: `before_tick` has just begun a segment if the last one was full.
             self.entries.push(entry).unwrap_or(());
         }
@@ -118,7 +137,8 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Segment<S, I, O, HALF> {
     }
 }
 
-/// A recorder of up to `3 HALF` steps of a state `S` with inputs `I` and outputs `O`. `HALF` = 0 records nothing.
+/// A recorder of up to `3 HALF` steps of a state `S` with inputs `I` and outputs `O`. `HALF` = 0
+/// records nothing.
 #[derive(Clone, Debug)]
 pub struct Recorder<S, I, O, const HALF: usize> {
     segments: [Segment<S, I, O, HALF>; SEGMENTS],
@@ -139,11 +159,16 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Default for Recorder<S, I,
 
 impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
     /// Creates an empty recorder. It may be large: build it in a `static` or on the heap.
-    // Inlined also where the compiler optimises for size: as the result of a call it may be copied from the stack, half a megabyte.
+    // Inlined also where the compiler optimises for size: as the result of a call it may be copied
+    // from the stack, half a megabyte.
     #[inline(always)]
     #[must_use]
     pub const fn new() -> Self {
-        Self { segments: [Segment::new(), Segment::new(), Segment::new()], latest: 0, countdown: None }
+        Self {
+            segments: [Segment::new(), Segment::new(), Segment::new()],
+            latest: 0,
+            countdown: None,
+        }
     }
 
     /// Builds a recorder from its parts, if they satisfy the invariant.
@@ -153,16 +178,22 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         latest: usize,
         countdown: Option<usize>,
     ) -> Option<Self> {
-        let recorder = Self { segments, latest, countdown };
+        let recorder = Self {
+            segments,
+            latest,
+            countdown,
+        };
         recorder.is_valid().then_some(recorder)
     }
 
-    /// The invariant, clause by clause: the latest segment exists; every segment is valid; those before the latest are full, or
-    /// empty without a state, and the older one is not full without the newer; no more than `HALF` steps are still to be recorded.
+    /// The invariant, clause by clause: the latest segment exists; every segment is valid; those
+    /// before the latest are full, or empty without a state, and the older one is not full without
+    /// the newer; no more than `HALF` steps are still to be recorded.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let [oldest, newer, _] = self.segments();
-        let whole = |segment: &Segment<S, I, O, HALF>| segment.is_full() || segment.before.is_none();
+        let whole =
+            |segment: &Segment<S, I, O, HALF>| segment.is_full() || segment.before.is_none();
         self.latest < SEGMENTS
             && self.segments.iter().all(Segment::is_valid)
             && whole(oldest)
@@ -190,8 +221,9 @@ impl<S: Clone, I: Clone, O: Clone, const HALF: usize> Recorder<S, I, O, HALF> {
         }
     }
 
-    /// Call after a step: keeps its input and output. A step that `ends` what is recorded starts the countdown to the freeze.
-    /// Not inlined, so that its stack, which may hold an entry, is not added to the caller's.
+    /// Call after a step: keeps its input and output. A step that `ends` what is recorded starts
+    /// the countdown to the freeze. Not inlined, so that its stack, which may hold an entry, is not
+    /// added to the caller's.
     #[inline(never)]
     pub fn after_tick(&mut self, input: &I, output: &O, ends: bool) {
         if self.is_frozen() || HALF == 0 {
@@ -265,20 +297,44 @@ mod tests {
     use super::*;
 
     type Numbers = Segment<u8, (), u8, 2>;
+    type Numbered = Recorder<u8, (), u8, 2>;
 
     /// A segment of `used` steps after the state `before`, in storage for as many.
     fn segment(before: Option<u8>, used: usize) -> Numbers {
-        let numbers = (1..).map(|number| Entry { input: (), output: before.unwrap_or(0) + number });
-        Segment { before, entries: numbers.take(used).collect(), used }
+        let numbers = (1..).map(|number| Entry {
+            input: (),
+            output: before.unwrap_or(0) + number,
+        });
+        Segment {
+            before,
+            entries: numbers.take(used).collect(),
+            used,
+        }
+    }
+
+    /// True if the parts of the segment, with `used` steps of it, are a segment.
+    fn is_segment(segment: Numbers, used: usize) -> bool {
+        Segment::from_parts(segment.before, segment.entries, used).is_some()
+    }
+
+    /// Records the tick that leads to the state `number`; returns the steps until the freeze.
+    fn record(recorder: &mut Numbered, number: u8, ends: bool) -> Option<usize> {
+        recorder.before_tick(&(number - 1));
+        recorder.after_tick(&(), &number, ends);
+        assert!(recorder.is_valid());
+        recorder.left()
     }
 
     #[test]
     fn a_recorder_of_the_wrong_shape_is_none() {
-        let parts = |segment: Numbers, used| Segment::from_parts(segment.before, segment.entries, used).is_some();
-        assert!(parts(segment(None, 0), 0) && parts(segment(Some(1), 0), 0) && parts(segment(Some(1), 2), 1));
-        assert!(!parts(segment(Some(1), 1), 2), "more than there are");
-        assert!(!parts(segment(None, 1), 1), "no state to begin with");
-        let (empty, full, partial) = (segment(None, 0), segment(Some(3), 2), segment(Some(5), 1));
+        assert!(is_segment(segment(None, 0), 0));
+        assert!(is_segment(segment(Some(1), 0), 0));
+        assert!(is_segment(segment(Some(1), 2), 1));
+        assert!(!is_segment(segment(Some(1), 1), 2), "more than there are");
+        assert!(!is_segment(segment(None, 1), 1), "no state to begin with");
+        let empty = segment(None, 0);
+        let full = segment(Some(3), 2);
+        let partial = segment(Some(5), 1);
         // Oldest, newer, latest.
         let good = [&empty, &full, &partial].map(Clone::clone);
         let cases = [
@@ -290,7 +346,18 @@ mod tests {
             ([&partial, &full, &empty].map(Clone::clone), None, false),
             ([&empty, &partial, &empty].map(Clone::clone), None, false),
             ([&full, &empty, &empty].map(Clone::clone), None, false),
-            ([empty.clone(), full.clone(), Segment { used: 2, ..partial.clone() }], None, false),
+            (
+                [
+                    empty.clone(),
+                    full.clone(),
+                    Segment {
+                        used: 2,
+                        ..partial.clone()
+                    },
+                ],
+                None,
+                false,
+            ),
         ];
         for (segments, countdown, is_valid) in cases {
             let found = Recorder::from_parts(segments.clone(), 2, countdown);
@@ -306,22 +373,34 @@ mod tests {
 
     #[test]
     fn it_freezes_half_its_steps_after_an_end_until_released() {
-        type Numbered = Recorder<u8, (), u8, 2>;
         let mut recorder = Numbered::new();
-        let record = |recorder: &mut Numbered, number: u8, ends| {
-            recorder.before_tick(&(number - 1));
-            recorder.after_tick(&(), &number, ends);
-            assert!(recorder.is_valid());
-            recorder.left()
-        };
-        assert_eq!((1..=7).find_map(|number| record(&mut recorder, number, false)), None);
-        assert_eq!([8, 9, 10, 11].map(|number| record(&mut recorder, number, number == 8)), [2, 1, 0, 0].map(Some));
+        assert_eq!(
+            (1..=7).find_map(|number| record(&mut recorder, number, false)),
+            None
+        );
+        assert_eq!(
+            [8, 9, 10, 11].map(|number| record(&mut recorder, number, number == 8)),
+            [2, 1, 0, 0].map(Some)
+        );
         let kept: StdVec<_> = recorder.entries().map(|entry| entry.output).collect();
-        assert_eq!((recorder.before(), &kept[..]), (Some(&4), &[5, 6, 7, 8, 9, 10][..]));
+        assert_eq!(
+            (recorder.before(), &kept[..]),
+            (Some(&4), &[5, 6, 7, 8, 9, 10][..])
+        );
         recorder.release();
-        assert_eq!((recorder.left(), recorder.before(), recorder.entries().count()), (None, None, 0));
+        assert_eq!(
+            (
+                recorder.left(),
+                recorder.before(),
+                recorder.entries().count()
+            ),
+            (None, None, 0)
+        );
         assert_eq!(record(&mut recorder, 1, true), Some(2));
-        assert_eq!((recorder.before(), recorder.entries().count()), (Some(&0), 1));
+        assert_eq!(
+            (recorder.before(), recorder.entries().count()),
+            (Some(&0), 1)
+        );
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Replay: runs recorded inputs again from the session before them and compares every output with the recorded one (T11).
+//! Replay: runs recorded inputs again from the session before them and compares every output with
+//! the recorded one (T11).
 
 use super::{Entry, Output, Session};
 
@@ -12,18 +13,28 @@ pub struct Replayed<const N: usize> {
     pub differing: Option<Output<N>>,
 }
 
-/// Runs `entries`, oldest first, from the session `before` the oldest, up to the first tick whose output differs.
-/// Later ticks are not compared: they follow from another state than the recorded one.
+/// Runs `entries`, oldest first, from the session `before` the oldest, up to the first tick whose
+/// output differs. Later ticks are not compared: they follow from another state than the recorded
+/// one.
 #[must_use]
-pub fn replay<'a, const N: usize>(before: &Session<N>, entries: impl IntoIterator<Item = &'a Entry<N>>) -> Replayed<N> {
+pub fn replay<'a, const N: usize>(
+    before: &Session<N>,
+    entries: impl IntoIterator<Item = &'a Entry<N>>,
+) -> Replayed<N> {
     let mut session = *before;
     let mut agreeing: usize = 0;
     for entry in entries {
         let output = session.tick(&entry.input);
         if output != entry.output {
-            return Replayed { agreeing, differing: Some(output) };
+            return Replayed {
+                agreeing,
+                differing: Some(output),
+            };
         }
         agreeing = agreeing.saturating_add(1);
     }
-    Replayed { agreeing, differing: None }
+    Replayed {
+        agreeing,
+        differing: None,
+    }
 }

@@ -1,4 +1,5 @@
-//! One step: completes the input of the decision, decides, and lets every axis carry the decision out.
+//! One step: completes the input of the decision, decides, and lets every axis carry the decision
+//! out.
 //!
 //! [`step`] receives no counter, no cause and no clock: diagnostics cannot decide anything (T7).
 
@@ -50,16 +51,30 @@ pub(super) fn step<const N: usize>(
     outcome: Outcome<'_, N>,
 ) -> Step {
     let (decision, fsm, order) = order(parameters, discrete, axes, known, tick, accepted);
-    carry_out(parameters, axes, &order, tick, accepted, |index, axis, command| {
-        if let (Some(reference), Some(state)) = (outcome.references.get_mut(index), outcome.states.get_mut(index)) {
-            *reference = match command {
-                Some((command, config)) => axis.act(&command, config, state),
-                None => axis.held(state),
-            };
-        }
-    });
+    carry_out(
+        parameters,
+        axes,
+        &order,
+        tick,
+        accepted,
+        |index, axis, command| {
+            if let (Some(reference), Some(state)) = (
+                outcome.references.get_mut(index),
+                outcome.states.get_mut(index),
+            ) {
+                *reference = match command {
+                    Some((command, config)) => axis.act(&command, config, state),
+                    None => axis.held(state),
+                };
+            }
+        },
+    );
     *discrete = decision.next;
-    Step { decision, fsm, off_path: order.holds }
+    Step {
+        decision,
+        fsm,
+        off_path: order.holds,
+    }
 }
 
 /// Order of a tick to all axes.
@@ -89,17 +104,31 @@ pub fn order<const N: usize>(
     // Unknown values in force do not count as zero.
     let zero = all_zero(axes) && !known.withheld;
     let fsm = complete(accepted.fsm, zero, tick, &stepped);
-    // All axes together: some of them moved and some not could be a pose that the machine does not have.
+    // All axes together: some of them moved and some not could be a pose that the machine does not
+    // have.
     let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
-    let rules = Rules { handshake_ticks: parameters.handshake_ticks, budget: parameters.budget };
+    let rules = Rules {
+        handshake_ticks: parameters.handshake_ticks,
+        budget: parameters.budget,
+    };
     let decision = decide(discrete, &fsm, &rules);
     let shadow = shadow_action(decision.next.phase, fsm.command.is_some());
-    (decision, fsm, Order { action: decision.action, shadow, stepped, holds })
+    (
+        decision,
+        fsm,
+        Order {
+            action: decision.action,
+            shadow,
+            stepped,
+            holds,
+        },
+    )
 }
 
-/// Lets every axis `act` on an order with its own target, nominal reference, measurements and configuration.
+/// Lets every axis `act` on an order with its own target, nominal reference, measurements and
+/// configuration.
 ///
-/// It knows nothing of what an axis does, so whatever is proved of one axis holds for each of them.
+/// It knows nothing of what an axis does, so what is proved of one axis holds for each of them.
 pub fn carry_out<const N: usize>(
     parameters: &Parameters<N>,
     axes: &mut [Axis; N],
@@ -111,7 +140,8 @@ pub fn carry_out<const N: usize>(
     for index in 0..N {
         if let Some(axis) = axes.get_mut(index) {
             // Never `None`: every array has N elements. The compiler cannot see it.
-            let command = command(index, axis, order, tick, accepted).zip(parameters.axes.get(index));
+            let command =
+                command(index, axis, order, tick, accepted).zip(parameters.axes.get(index));
             act(index, axis, command);
         }
     }
@@ -137,7 +167,8 @@ fn command<const N: usize>(
     })
 }
 
-/// Returns the nominal reference and the measurements that an axis acts on: what was read, or its last ones.
+/// Returns the nominal reference and the measurements that an axis acts on: what was read, or its
+/// last ones.
 #[inline]
 fn reading<const N: usize>(
     index: usize,
@@ -145,15 +176,27 @@ fn reading<const N: usize>(
     tick: &TickInput<N>,
     holds: bool,
 ) -> Option<(PositionNm, Actual)> {
-    let Some(reading) = &tick.reading else { return Some((axis.nominal, axis.actual)) };
-    let nominal = if holds { axis.nominal } else { *reading.nominal.get(index)? };
+    let Some(reading) = &tick.reading else {
+        return Some((axis.nominal, axis.actual));
+    };
+    let nominal = if holds {
+        axis.nominal
+    } else {
+        *reading.nominal.get(index)?
+    };
     Some((nominal, *reading.actual.get(index)?))
 }
 
 /// Axes whose nominal references moved further than they may.
-fn all_nominal_stepped<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N], tick: &TickInput<N>) -> [bool; N] {
+fn all_nominal_stepped<const N: usize>(
+    parameters: &Parameters<N>,
+    axes: &[Axis; N],
+    tick: &TickInput<N>,
+) -> [bool; N] {
     let mut stepped = [false; N];
-    let Some(reading) = &tick.reading else { return stepped };
+    let Some(reading) = &tick.reading else {
+        return stepped;
+    };
     let cycles = tick.cycles();
     for (index, (axis, config)) in zip(axes, &parameters.axes).enumerate() {
         if let (Some(stepped), Some(to)) = (stepped.get_mut(index), reading.nominal.get(index)) {
@@ -164,7 +207,12 @@ fn all_nominal_stepped<const N: usize>(parameters: &Parameters<N>, axes: &[Axis;
 }
 
 /// The only constructor of a complete input: accepted events, and the tick's own.
-fn complete<const N: usize>(accepted: FsmInput, all_zero: bool, tick: &TickInput<N>, stepped: &[bool; N]) -> FsmInput {
+fn complete<const N: usize>(
+    accepted: FsmInput,
+    all_zero: bool,
+    tick: &TickInput<N>,
+    stepped: &[bool; N],
+) -> FsmInput {
     // Somebody must look at a machine that was not read, or did not take its references.
     let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
     FsmInput {
@@ -183,7 +231,8 @@ pub(super) fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
     each(axes).all(|axis| axis.channels.is_zero())
 }
 
-/// Action of the shadow: it follows fresh commands in Submit and holds over a miss; elsewhere it rests at zero.
+/// Action of the shadow: it follows fresh commands in Submit and holds over a miss; elsewhere it
+/// rests at zero.
 const fn shadow_action(phase: Phase, fresh: bool) -> Option<Action> {
     match (phase, fresh) {
         (Phase::Submit, true) => Some(Action::Follow),

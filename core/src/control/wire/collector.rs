@@ -1,4 +1,5 @@
-//! Bytes of one frame, collected from slices of any size: first a header, then the length that it states. No checksum here.
+//! Bytes of one frame, collected from slices of any size: first a header, then the length that it
+//! states. No checksum here.
 
 use super::frame::{HEADER_LEN, MAX_FRAME, TRAILER_LEN, parse_header};
 use crate::control::message::FrameError;
@@ -24,7 +25,10 @@ impl Collector {
     /// An empty collector.
     #[must_use]
     pub const fn new() -> Self {
-        Self { bytes: [0; MAX_FRAME], held: 0 }
+        Self {
+            bytes: [0; MAX_FRAME],
+            held: 0,
+        }
     }
 
     /// Builds a collector with the first `held` of these bytes, if they satisfy the invariant.
@@ -55,16 +59,19 @@ impl Collector {
         self.whole_len() == Some(Ok(self.held))
     }
 
-    /// Takes bytes up to the end of the frame. Returns the number taken once it is complete; `None` after taking all of them.
+    /// Consumes bytes up to the end of the frame. Returns the number of bytes consumed once the
+    /// frame is complete; `None` after consuming all of them.
     ///
     /// # Errors
     /// An invalid header.
-    pub fn take(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
+    pub fn consume(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
         let header_part = self.top_up(bytes, HEADER_LEN);
-        let Some(whole) = self.whole_len().transpose()? else { return Ok(None) };
+        let Some(whole) = self.whole_len().transpose()? else {
+            return Ok(None);
+        };
         let rest = bytes.get(header_part..).unwrap_or_default();
-        let taken = header_part.saturating_add(self.top_up(rest, whole));
-        Ok((self.held == whole).then_some(taken))
+        let consumed = header_part.saturating_add(self.top_up(rest, whole));
+        Ok((self.held == whole).then_some(consumed))
     }
 
     /// Clears the bytes in use.
@@ -76,8 +83,11 @@ impl Collector {
     fn whole_len(&self) -> Option<Result<usize, FrameError>> {
         let (header, _) = self.bytes.split_first_chunk::<HEADER_LEN>()?;
         (self.held >= HEADER_LEN).then(|| {
-            parse_header(*header)
-                .map(|(_, length)| HEADER_LEN.saturating_add(usize::from(length)).saturating_add(TRAILER_LEN))
+            parse_header(*header).map(|(_, length)| {
+                HEADER_LEN
+                    .saturating_add(usize::from(length))
+                    .saturating_add(TRAILER_LEN)
+            })
         })
     }
 

@@ -26,8 +26,9 @@ impl<'a> Reader<'a> {
         Self { rest: bytes }
     }
 
+    /// Reads the next `K` bytes.
     #[inline]
-    fn take<const K: usize>(&mut self) -> Result<[u8; K], Short> {
+    fn read_exact<const K: usize>(&mut self) -> Result<[u8; K], Short> {
         let (field, rest) = self.rest.split_first_chunk::<K>().ok_or(Short)?;
         self.rest = rest;
         Ok(*field)
@@ -60,7 +61,7 @@ macro_rules! integers {
         impl Reader<'_> {$(
             #[inline]
             pub(super) fn $integer(&mut self) -> Result<$integer, Short> {
-                self.take().map($integer::from_le_bytes)
+                self.read_exact().map($integer::from_le_bytes)
             }
         )*}
 

@@ -1,4 +1,5 @@
-//! Deframer: frames out of a byte stream, fed in slices of any size. It never looks back further than one frame.
+//! Deframer: frames out of a byte stream, fed in slices of any size. It never looks back further
+//! than one frame.
 
 use super::collector::Collector;
 use super::frame::Frame;
@@ -48,7 +49,10 @@ impl Deframer {
     /// An empty deframer.
     #[must_use]
     pub const fn new() -> Self {
-        Self { collector: Collector::new(), stage: Stage::Collecting }
+        Self {
+            collector: Collector::new(),
+            stage: Stage::Collecting,
+        }
     }
 
     /// Builds a deframer from its parts, if they satisfy the invariant.
@@ -58,8 +62,8 @@ impl Deframer {
         deframer.is_valid().then_some(deframer)
     }
 
-    /// The invariant, clause by clause: a frame being collected is incomplete; a returned frame is complete; a broken deframer
-    /// may hold anything.
+    /// The invariant, clause by clause: a frame being collected is incomplete; a returned frame is
+    /// complete; a broken deframer may hold anything.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         match self.stage {
@@ -77,9 +81,11 @@ impl Deframer {
             Stage::Broken(error) => return Feed::Broken(error),
         }
         self.stage = Stage::Collecting;
-        let frame = match self.collector.take(bytes) {
+        let frame = match self.collector.consume(bytes) {
             Ok(None) => return Feed::Incomplete,
-            Ok(Some(consumed)) => Frame::parse(self.collector.held()).map(|frame| (frame, consumed)),
+            Ok(Some(consumed)) => {
+                Frame::parse(self.collector.held()).map(|frame| (frame, consumed))
+            }
             Err(error) => Err(error),
         };
         match frame {

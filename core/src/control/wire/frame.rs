@@ -25,7 +25,10 @@ pub struct FrameBytes {
 
 impl FrameBytes {
     /// No bytes.
-    pub(crate) const EMPTY: Self = Self { bytes: [0; MAX_FRAME], length: 0 };
+    pub(crate) const EMPTY: Self = Self {
+        bytes: [0; MAX_FRAME],
+        length: 0,
+    };
 
     /// As [`enclose`], in the place of another frame: that of every tick is not moved.
     pub(crate) fn enclose<B: Body>(&mut self, kind: Kind, body: &B) {
@@ -109,7 +112,8 @@ impl Kind {
     }
 }
 
-/// A frame with valid boundary, version, length and checksum. Its kind and content are not checked yet.
+/// A frame with valid boundary, version, length and checksum. Its kind and content are not checked
+/// yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Frame<'a> {
@@ -123,9 +127,13 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// The first error, front to back, the checksum last.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, FrameError> {
-        let (header, rest) = bytes.split_first_chunk::<HEADER_LEN>().ok_or(FrameError::Length)?;
+        let (header, rest) = bytes
+            .split_first_chunk::<HEADER_LEN>()
+            .ok_or(FrameError::Length)?;
         let (kind, length) = parse_header(*header)?;
-        let (body, _) = rest.split_last_chunk::<TRAILER_LEN>().ok_or(FrameError::Length)?;
+        let (body, _) = rest
+            .split_last_chunk::<TRAILER_LEN>()
+            .ok_or(FrameError::Length)?;
         if body.len() != usize::from(length) {
             return Err(FrameError::Length);
         }
@@ -133,10 +141,15 @@ impl<'a> Frame<'a> {
         Ok(Self { kind, body })
     }
 
-    /// Builds a frame from a kind byte and a body, without a checksum; `None` for a body that is too long.
+    /// Builds a frame from a kind byte and a body, without a checksum; `None` for a body that is
+    /// too long.
     #[must_use]
     pub const fn from_parts(kind: u8, body: &'a [u8]) -> Option<Self> {
-        if body.len() <= MAX_BODY { Some(Self { kind, body }) } else { None }
+        if body.len() <= MAX_BODY {
+            Some(Self { kind, body })
+        } else {
+            None
+        }
     }
 
     /// Returns the kind byte.
@@ -176,7 +189,8 @@ pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
     frame
 }
 
-/// Writes header, body and checksum. Returns the number of bytes; `None` would be a body that does not fit.
+/// Writes header, body and checksum. Returns the number of bytes; `None` would be a body that does
+/// not fit.
 fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<usize> {
     let [m0, m1] = MAGIC;
     let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
@@ -197,6 +211,12 @@ pub fn checksum(bytes: &[u8]) -> u32 {
 
 /// Compares the last bytes with the checksum of those before them.
 fn check_trailer(frame: &[u8]) -> Result<(), FrameError> {
-    let (checked, trailer) = frame.split_last_chunk::<TRAILER_LEN>().ok_or(FrameError::Length)?;
-    if checksum(checked) == u32::from_le_bytes(*trailer) { Ok(()) } else { Err(FrameError::Checksum) }
+    let (checked, trailer) = frame
+        .split_last_chunk::<TRAILER_LEN>()
+        .ok_or(FrameError::Length)?;
+    if checksum(checked) == u32::from_le_bytes(*trailer) {
+        Ok(())
+    } else {
+        Err(FrameError::Checksum)
+    }
 }

@@ -8,8 +8,8 @@ use crate::control::axis::{Actual, Offsets};
 use crate::control::channel::Limits;
 use crate::control::fixture::{REFUSALS, limits};
 use crate::control::message::{
-    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
-    ServerMessage, State, Welcome,
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
+    Mode, Phase, ServerMessage, State, Welcome,
 };
 use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
@@ -25,28 +25,29 @@ fn offsets(axis: usize) -> Offsets {
 
 /// Every kind of message of a client, with every code.
 fn from_client<const N: usize>() -> StdVec<ClientMessage<N>> {
-    let hello = Hello { axes: 3, capabilities: Capabilities(0x1234) };
+    let hello = Hello {
+        axes: 3,
+        capabilities: Capabilities(0x1234),
+    };
     let mut messages = std::vec![
         ClientMessage::Hello(hello),
         ClientMessage::Goodbye(Epoch(0x0123_4567_89ab_cdef)),
         ClientMessage::Stop(Epoch(u64::MAX)),
     ];
-    let (epoch, sequence, echo) = (Epoch(1 << 63), Sequence(0x0123_4567_89ab_cdef), Tick(7));
-    let targets = core::array::from_fn(offsets);
-    let command = |mode: &Mode| ClientMessage::Command(Command { epoch, sequence, echo, mode: *mode, targets });
-    messages.extend(Mode::ALL.iter().map(command));
+    messages.extend(Mode::ALL.iter().map(|mode| {
+        ClientMessage::Command(Command {
+            epoch: Epoch(1 << 63),
+            sequence: Sequence(0x0123_4567_89ab_cdef),
+            echo: Tick(7),
+            mode: *mode,
+            targets: core::array::from_fn(offsets),
+        })
+    }));
     messages
 }
 
 /// Every kind of message of a server, with every code.
 fn from_server<const N: usize>() -> StdVec<ServerMessage<N>> {
-    let axis = |axis| AxisState {
-        nominal: PositionNm(i64::MIN + 5),
-        offsets: offsets(axis),
-        shadow: offsets(axis + N),
-        actual: Actual { position: PositionNm(6), velocity: VelocityUmS(-7), torque: TorquePermille(8) },
-        flags: AxisFlags::ALL,
-    };
     let state = State {
         tick: Tick(1),
         epoch: Epoch(2),
@@ -69,7 +70,17 @@ fn from_server<const N: usize>() -> StdVec<ServerMessage<N>> {
             non_owner: 20,
             longest_miss_run: 21,
         },
-        axes: core::array::from_fn(axis),
+        axes: core::array::from_fn(|axis| AxisState {
+            nominal: PositionNm(i64::MIN + 5),
+            offsets: offsets(axis),
+            shadow: offsets(axis + N),
+            actual: Actual {
+                position: PositionNm(6),
+                velocity: VelocityUmS(-7),
+                torque: TorquePermille(8),
+            },
+            flags: AxisFlags::ALL,
+        }),
     };
     let welcome = Welcome {
         epoch: Epoch(3),
@@ -86,12 +97,23 @@ fn from_server<const N: usize>() -> StdVec<ServerMessage<N>> {
     };
     let mut messages = std::vec![ServerMessage::Welcome(welcome)];
     messages.extend(REFUSALS.map(ServerMessage::Refusal));
-    messages.extend(Phase::ALL.iter().map(|phase| ServerMessage::State(State { phase: *phase, ..state })));
-    messages.extend(Cause::ALL.iter().map(|cause| ServerMessage::State(State { cause: *cause, ..state })));
+    messages.extend(Phase::ALL.iter().map(|phase| {
+        ServerMessage::State(State {
+            phase: *phase,
+            ..state
+        })
+    }));
+    messages.extend(Cause::ALL.iter().map(|cause| {
+        ServerMessage::State(State {
+            cause: *cause,
+            ..state
+        })
+    }));
     messages
 }
 
-/// Encodes and decodes a message, and the frame with each bit flipped: what decodes encodes to the same bytes again.
+/// Encodes and decodes a message, and the frame with each bit flipped: what decodes encodes to the
+/// same bytes again.
 fn is_canonical<M: Copy + PartialEq + core::fmt::Debug>(
     message: M,
     encode: fn(&M) -> FrameBytes,
@@ -114,7 +136,9 @@ fn is_canonical<M: Copy + PartialEq + core::fmt::Debug>(
 /// A frame with the right checksum.
 fn sealed(mut frame: StdVec<u8>) -> StdVec<u8> {
     let (checked, trailer) = frame.split_last_chunk_mut::<TRAILER_LEN>().unwrap();
-    *trailer = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(checked).to_le_bytes();
+    *trailer = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC)
+        .checksum(checked)
+        .to_le_bytes();
     frame
 }
 
@@ -168,7 +192,10 @@ proptest! {
 
 #[test]
 fn the_stream_may_be_cut_anywhere() {
-    let hello = ClientMessage::<3>::Hello(Hello { axes: 3, capabilities: Capabilities::NONE });
+    let hello = ClientMessage::<3>::Hello(Hello {
+        axes: 3,
+        capabilities: Capabilities::NONE,
+    });
     let stop = ClientMessage::<3>::Stop(Epoch(9));
     let mut stream = encode_client(&hello).to_vec();
     stream.extend_from_slice(&encode_client(&stop));
@@ -181,33 +208,43 @@ fn the_stream_may_be_cut_anywhere() {
     }
 }
 
+/// Error of a stream with one other byte.
+fn broken(good: &[u8], at: usize, value: u8) -> FrameError {
+    let mut bytes = good.to_vec();
+    bytes[at] = value;
+    deframe(&bytes, &[]).unwrap_err()
+}
+
 #[test]
 fn a_broken_stream_says_why_and_stays_broken() {
     let good = encode_client(&ClientMessage::<3>::Goodbye(Epoch(1)));
-    let broken = |at: usize, value: u8| {
-        let mut bytes = good.to_vec();
-        bytes[at] = value;
-        deframe(&bytes, &[]).unwrap_err()
-    };
-    assert_eq!(broken(0, b'X'), FrameError::Magic);
-    assert_eq!(broken(2, 9), FrameError::Version { received: 9 });
-    assert_eq!(broken(5, 2), FrameError::TooLong { length: 0x208 });
-    assert_eq!(broken(9, 1), FrameError::Checksum);
+    assert_eq!(broken(&good, 0, b'X'), FrameError::Magic);
+    assert_eq!(broken(&good, 2, 9), FrameError::Version { received: 9 });
+    assert_eq!(broken(&good, 5, 2), FrameError::TooLong { length: 0x208 });
+    assert_eq!(broken(&good, 9, 1), FrameError::Checksum);
     let mut deframer = Deframer::new();
     assert_eq!(deframer.feed(b"noise."), Feed::Broken(FrameError::Magic));
     assert_eq!(deframer.feed(&good), Feed::Broken(FrameError::Magic));
 }
 
+/// Decodes a frame of this kind and body.
+fn judge(kind: u8, body: &[u8]) -> Result<ClientMessage<1>, ContentError> {
+    let length = u8::try_from(body.len()).unwrap();
+    let bytes = sealed([&[b'G', b'T', 1, kind, length, 0], body, &[0; TRAILER_LEN]].concat());
+    decode_client(&Frame::parse(&bytes).unwrap())
+}
+
 #[test]
 fn bad_content_is_named() {
-    let judge = |kind: u8, body: &[u8]| {
-        let length = u8::try_from(body.len()).unwrap();
-        let bytes = sealed([&[b'G', b'T', 1, kind, length, 0], body, &[0; TRAILER_LEN]].concat());
-        decode_client::<1>(&Frame::parse(&bytes).unwrap())
-    };
     assert_eq!(judge(99, &[]), Err(ContentError::Kind { received: 99 }));
     assert_eq!(judge(4, &[]), Err(ContentError::Kind { received: 4 }));
-    assert_eq!(judge(1, &[1]), Err(ContentError::Length { expected: 4, received: 1 }));
+    assert_eq!(
+        judge(1, &[1]),
+        Err(ContentError::Length {
+            expected: 4,
+            received: 1
+        })
+    );
     assert_eq!(judge(1, &[1, 7, 0, 0]), Err(ContentError::Reserved));
     let mut command = [0_u8; 38];
     command[24] = 3;
@@ -215,33 +252,61 @@ fn bad_content_is_named() {
     assert_eq!(judge(3, &command), Err(ContentError::Code { received: 3 }));
     command[24] = 1;
     command[25] = 2;
-    assert_eq!(judge(3, &command), Err(ContentError::Axes { expected: 1, received: 2 }));
+    assert_eq!(
+        judge(3, &command),
+        Err(ContentError::Axes {
+            expected: 1,
+            received: 2
+        })
+    );
 }
 
 /// The bodies of `wire.md`, at the largest number of axes.
 #[test]
 fn bodies_have_their_lengths() {
-    assert_eq!((Welcome::<6>::LENGTH, State::<6>::LENGTH, Command::<6>::LENGTH), (316, 340, 88));
+    assert_eq!(
+        (
+            Welcome::<6>::LENGTH,
+            State::<6>::LENGTH,
+            Command::<6>::LENGTH
+        ),
+        (316, 340, 88)
+    );
 }
 
 /// A frame of kind 1 with a body of zeros.
 fn zeros(length: u16) -> StdVec<u8> {
     let [low, high] = length.to_le_bytes();
     let header = [b'G', b'T', PROTOCOL_VERSION, 1, low, high];
-    sealed([&header[..], &std::vec![0; usize::from(length) + TRAILER_LEN]].concat())
+    sealed(
+        [
+            &header[..],
+            &std::vec![0; usize::from(length) + TRAILER_LEN],
+        ]
+        .concat(),
+    )
 }
 
 #[test]
 fn the_longest_frame_passes_and_no_longer_one() {
     let most = u16::try_from(MAX_BODY).unwrap();
     assert_eq!(zeros(most).len(), MAX_FRAME);
-    assert_eq!(Frame::parse(&zeros(most)).map(|frame| frame.body().len()), Ok(MAX_BODY));
+    assert_eq!(
+        Frame::parse(&zeros(most)).map(|frame| frame.body().len()),
+        Ok(MAX_BODY)
+    );
     let body = StdVec::from([0; MAX_BODY + 1]);
     assert!(Frame::from_parts(1, &body[1..]).is_some() && Frame::from_parts(1, &body).is_none());
     let stream = [zeros(most), zeros(0)].concat();
     assert_eq!(deframe(&stream, &[]).unwrap().len(), 2);
     let error = FrameError::TooLong { length: most + 1 };
-    assert_eq!((Frame::parse(&zeros(most + 1)), deframe(&zeros(most + 1), &[])), (Err(error), Err(error)));
+    assert_eq!(
+        (
+            Frame::parse(&zeros(most + 1)),
+            deframe(&zeros(most + 1), &[])
+        ),
+        (Err(error), Err(error))
+    );
 }
 
 #[test]
@@ -263,9 +328,15 @@ fn a_collector_holds_part_of_one_frame_and_no_more() {
     let frame = zeros(4);
     for held in 0..=frame.len() {
         let collector = collected(&frame, held, 7).unwrap();
-        assert_eq!((collector.held(), collector.is_whole()), (&frame[..held], held == frame.len()));
+        assert_eq!(
+            (collector.held(), collector.is_whole()),
+            (&frame[..held], held == frame.len())
+        );
         assert_eq!(Some(&collector), collected(&frame, held, 8).as_ref());
-        assert_ne!(Some(collector), collected(&frame, (held + 1) % frame.len(), 7));
+        assert_ne!(
+            Some(collector),
+            collected(&frame, (held + 1) % frame.len(), 7)
+        );
     }
     assert_eq!(collected(&frame, frame.len() + 1, 7), None);
     assert_eq!(collected(b"no frame", HEADER_LEN, 7), None);
@@ -289,6 +360,9 @@ fn a_deframer_has_returned_what_is_whole() {
         let deframer = Deframer::from_parts(collector.clone(), stage);
         assert_eq!(deframer.is_some(), is_valid, "{stage:?}");
         let rest = deframer.filter(|_| stage == Stage::Collecting);
-        assert!(rest.is_none_or(|mut deframer| matches!(deframer.feed(&frame[9..]), Feed::Frame { consumed: 5, .. })));
+        assert!(rest.is_none_or(|mut deframer| matches!(
+            deframer.feed(&frame[9..]),
+            Feed::Frame { consumed: 5, .. }
+        )));
     }
 }

@@ -7,7 +7,8 @@ use crate::model::robot::Compliances;
 use crate::model::statics::{LineMatrix, Wrench};
 use crate::units::PositionNm;
 
-/// Compensator of an F1, with gain, limits and units; tracks the pose of the nominal positions from cycle to cycle.
+/// Compensator of an F1, with gain, limits and units; tracks the pose of the nominal positions from
+/// cycle to cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensator {
     machine: Elastic,
@@ -16,7 +17,8 @@ pub struct Compensator {
 }
 
 impl Compensator {
-    /// Checks the configuration. The travel of `kinematics` bounds corrected positions too; see [`Kinematics::without_travel`].
+    /// Checks the configuration. The travel of `kinematics` bounds corrected positions too; see
+    /// [`Kinematics::without_travel`].
     ///
     /// # Errors
     /// [`CompensatorError`], naming the parameter and its axis.
@@ -26,7 +28,11 @@ impl Compensator {
         config: CompensatorConfig<AXES>,
     ) -> Result<Self, CompensatorError> {
         config.check()?;
-        Ok(Self { machine: Elastic::new(kinematics, compliances), config, tracker: PoseTracker::default() })
+        Ok(Self {
+            machine: Elastic::new(kinematics, compliances),
+            config,
+            tracker: PoseTracker::default(),
+        })
     }
 
     /// The machine and its springs.
@@ -41,8 +47,9 @@ impl Compensator {
         &self.config
     }
 
-    /// Returns the offsets of one cycle, which hold the pose of the nominal positions under `load`; to first order. The pose is tracked as
-    /// by a [`PoseTracker`], which an error leaves as its text says. Whatever the load, the offsets are within the limits.
+    /// Returns the offsets of one cycle, which hold the pose of the nominal positions under `load`;
+    /// to first order. The pose is tracked as by a [`PoseTracker`], which an error leaves as its
+    /// text says. For any load the offsets are within the limits.
     ///
     /// # Errors
     /// As [`PoseTracker::track`] and [`Elastic::command`].
@@ -94,12 +101,18 @@ impl Compensator {
     ///
     /// # Errors
     /// As [`Elastic::command`].
-    pub fn correct_at(&self, pose: &Pose, q: &[f64; AXES], load: &Wrench) -> Result<Correction<AXES>, KinematicsError> {
+    pub fn correct_at(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Correction<AXES>, KinematicsError> {
         let command = self.machine.command(pose, q, load, self.config.gain)?;
         self.config.bounded(q, &command)
     }
 
-    /// As [`correct_at`](Self::correct_at), where the line matrix at the pose is known: for a cycle that computes forces as well.
+    /// As [`correct_at`](Self::correct_at), where the line matrix at the pose is known: for a cycle
+    /// that computes forces as well.
     ///
     /// # Errors
     /// As [`Elastic::command_of`].
@@ -110,11 +123,14 @@ impl Compensator {
         q: &[f64; AXES],
         load: &Wrench,
     ) -> Result<Correction<AXES>, KinematicsError> {
-        let command = self.machine.command_of(lines, pose, q, load, self.config.gain)?;
+        let command = self
+            .machine
+            .command_of(lines, pose, q, load, self.config.gain)?;
         self.config.bounded(q, &command)
     }
 
-    /// As [`correct_at`](Self::correct_at) by the exact map, which costs up to ten inverses; the share `gain` of its offsets.
+    /// As [`correct_at`](Self::correct_at) by the exact map, which costs up to ten inverses; the
+    /// share `gain` of its offsets.
     ///
     /// # Errors
     /// As [`Elastic::exact_command`].

@@ -1,4 +1,5 @@
-//! The F1 with links and axes as springs `[T 3.3]`, and the commands that hold a pose under load `[T 5.2.3]`.
+//! The F1 with links and axes as springs `[T 3.3]`, and the commands that hold a pose under load
+//! `[T 5.2.3]`.
 
 use super::kinematics::plates::PlatesAt;
 use super::{AXES, Kinematics};
@@ -26,7 +27,10 @@ impl Elastic {
     /// A machine and its springs.
     #[must_use]
     pub const fn new(kinematics: &Kinematics, compliances: &Compliances<AXES>) -> Self {
-        Self { kinematics: *kinematics, compliances: *compliances }
+        Self {
+            kinematics: *kinematics,
+            compliances: *compliances,
+        }
     }
 
     /// The rigid machine.
@@ -44,10 +48,12 @@ impl Elastic {
     /// Returns the command to first order: positions that hold `pose` under `load`,
     /// `q_cmd = IK(T - gain dT_links, exp(-gain dtheta_links) R) - gain r` (q-units).
     ///
-    /// `q` are the positions that hold it without load. The command is neither limited nor filtered; travel is that of the machine.
+    /// `q` are the positions that hold it without load. The command is neither limited nor
+    /// filtered; travel is that of the machine.
     ///
     /// # Errors
-    /// As [`Kinematics::line_matrix`] at `pose`, and as [`Kinematics::inverse`] for the corrected pose.
+    /// As [`Kinematics::line_matrix`] at `pose`, and as [`Kinematics::inverse`] for the corrected
+    /// pose.
     pub fn command(
         &self,
         pose: &Pose,
@@ -87,9 +93,12 @@ impl Elastic {
         plates: &PlatesAt<'_>,
         gain: f64,
     ) -> Result<[f64; AXES], KinematicsError> {
-        let turn = rotation_from_vector(&(links.rotation_rad * -gain)).ok_or(KinematicsError::NotFinite)?;
-        let corrected =
-            Pose { position_m: pose.position_m - links.translation_m * gain, rotation: product(&turn, &pose.rotation) };
+        let turn = rotation_from_vector(&(links.rotation_rad * -gain))
+            .ok_or(KinematicsError::NotFinite)?;
+        let corrected = Pose {
+            position_m: pose.position_m - links.translation_m * gain,
+            rotation: product(&turn, &pose.rotation),
+        };
         let mut command = self.kinematics.inverse_from(&corrected, q, plates)?.value;
         for (command, yielding) in command.iter_mut().zip(carts) {
             *command -= gain * yielding;
@@ -99,7 +108,12 @@ impl Elastic {
 
     /// Not inlined, so that its matrices have left the stack when the inverse begins.
     #[inline(never)]
-    fn displaced(&self, pose: &Pose, plates: &PlatesAt<'_>, load: &Wrench) -> Result<Displaced, KinematicsError> {
+    fn displaced(
+        &self,
+        pose: &Pose,
+        plates: &PlatesAt<'_>,
+        load: &Wrench,
+    ) -> Result<Displaced, KinematicsError> {
         // Borrowed: moving the matrix out of the `Result` would put a second copy on the stack.
         let lines = self.kinematics.line_matrix_of(pose, plates);
         let lines = lines.as_ref().map_err(|error| *error)?;
@@ -107,15 +121,24 @@ impl Elastic {
     }
 
     #[inline]
-    fn displaced_of(&self, lines: &LineMatrix<AXES>, load: &Wrench) -> Result<Displaced, KinematicsError> {
-        let Yielding { carts, elongations_m } = lines.yielding(&self.compliances, load)?;
+    fn displaced_of(
+        &self,
+        lines: &LineMatrix<AXES>,
+        load: &Wrench,
+    ) -> Result<Displaced, KinematicsError> {
+        let Yielding {
+            carts,
+            elongations_m,
+        } = lines.yielding(&self.compliances, load)?;
         Ok((carts, lines.displacement_by_links(&elongations_m)?))
     }
 
-    /// Returns the exact command: positions for which the loaded machine stands in `pose`, with its links as long and its axes as far as the
-    /// load leaves them there: `|A(q + r) - B| = L + c f`, `r = c tau`, `q` returned.
+    /// Returns the exact command: positions for which the loaded machine stands in `pose`, with its
+    /// links as long and its axes as far as the load leaves them there: `|A(q + r) - B| = L + c f`,
+    /// `r = c tau`, `q` returned.
     ///
-    /// Forces hardly depend on the command, so a few rounds suffice. `residual_m` is the largest change of a link's length in the last.
+    /// Forces hardly depend on the command, so a few rounds suffice. `residual_m` is the largest
+    /// change of a link's length in the last.
     ///
     /// # Errors
     /// As [`command`](Self::command); `NotConverged` when the rounds do not settle.
@@ -132,18 +155,32 @@ impl Elastic {
             let lines = self.kinematics.line_matrix(pose, &standing)?;
             let forces = lines.link_forces_n(load)?;
             let loaded_m = self.loaded_lengths_m(&forces);
-            residual_m = zip(&loaded_m, &lengths_m)
-                .fold(0.0, |most, (now, before)| max_propagating_nan(most, (now - before).abs()));
+            residual_m = zip(&loaded_m, &lengths_m).fold(0.0, |most, (now, before)| {
+                max_propagating_nan(most, (now - before).abs())
+            });
             lengths_m = loaded_m;
             let [.., q4, q5, q6] = standing;
             let plates = Some([q4, q5, q6]);
-            standing = (self.kinematics.inverse_with_lengths(pose, plates, &lengths_m)?).value;
+            standing = (self
+                .kinematics
+                .inverse_with_lengths(pose, plates, &lengths_m)?)
+            .value;
             if residual_m <= SETTLED_M {
-                let value = finite(self.compliances.before_yielding(&standing, &lines.cart_loads(&forces)))?;
-                return Ok(Solution { value, iterations: round, residual_m });
+                let value = finite(
+                    self.compliances
+                        .before_yielding(&standing, &lines.cart_loads(&forces)),
+                )?;
+                return Ok(Solution {
+                    value,
+                    iterations: round,
+                    residual_m,
+                });
             }
         }
-        Err(KinematicsError::NotConverged { iterations: COLD_ITERATIONS, residual_m })
+        Err(KinematicsError::NotConverged {
+            iterations: COLD_ITERATIONS,
+            residual_m,
+        })
     }
 
     /// `L + c f`, metres.

@@ -1,8 +1,10 @@
-//! Parameters of the F1 `[T 3.1.2]`, validated once at construction: plate 2 turns by `q4`, plate 3 turns by `q5` and tilts by `q6`.
+//! Parameters of the F1 `[T 3.1.2]`, validated once at construction: plate 2 turns by `q4`, plate 3
+//! turns by `q5` and tilts by `q6`.
 //!
-//! `A_ij = C_i + q_i V_i + Q_i P_ij` is the joint on the plate of cart `i`, world axes, with the plates' rotations
-//! `Q_1 = I`, `Q_2 = Rot(a, sigma_4 q_4)`, `Q_3 = Rot(a, sigma_5 q_5) Rot(a_6, q_6)`. The thesis gives no axis directions,
-//! zero pose or screw law: they are parameters here.
+//! `A_ij = C_i + q_i V_i + Q_i P_ij` is the joint on the plate of cart `i`, world axes, with the
+//! plates' rotations `Q_1 = I`, `Q_2 = Rot(a, sigma_4 q_4)`,
+//! `Q_3 = Rot(a, sigma_5 q_5) Rot(a_6, q_6)`. The thesis gives no axis directions, zero pose or
+//! screw law: they are parameters here.
 
 use core::slice;
 use nalgebra::Vector3;
@@ -11,8 +13,8 @@ use super::AXES;
 use crate::model::l2;
 use crate::model::linalg::unit;
 use crate::model::robot::{
-    ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitudes, check_travel,
-    check_vectors,
+    ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitudes,
+    check_travel, check_vectors,
 };
 
 /// Geometry of an F1, not yet checked.
@@ -28,7 +30,8 @@ pub struct Geometry {
     pub platform_joints_m: [Vector3<f64>; LINKS],
     /// `L_ij`: length of each link, metres, link order.
     pub lengths_m: [f64; LINKS],
-    /// `c_i`: solution of the inverse kinematics that each arm is built in, `sign(s_ij . V_i)` for every link of its cluster.
+    /// `c_i`: solution of the inverse kinematics that each arm is built in, `sign(s_ij . V_i)` for
+    /// every link of its cluster.
     pub configuration: [Branch; ARMS],
     /// `a`: axis that plates 2 and 3 turn about, world axes; of any length.
     pub turn_axis: Vector3<f64>,
@@ -36,13 +39,14 @@ pub struct Geometry {
     pub tilt_axis: Vector3<f64>,
     /// `sigma_4`, `sigma_5`: signs of the turns of plates 2 and 3 for positive `q_4`, `q_5`.
     pub turn_signs: [Branch; 2],
-    /// Range of each axis in q-units (radians for the last three), `(lower, upper)`; `None` leaves the carts
-    /// unchecked and plates within half a turn.
+    /// Range of each axis in q-units (radians for the last three), `(lower, upper)`; `None` leaves
+    /// the carts unchecked and plates within half a turn.
     pub travel: Option<[(f64, f64); AXES]>,
 }
 
-/// The L2 with its six links, each by itself: carts without plates, `P_ij = A0_ij`, and `q_4 = q_5 = q_6 = 0`.
-/// Its forward kinematics needs no Tau property; the platform turns as the links let it. Its side of the carts' plane (`c_f`) is that of the seed.
+/// The L2 with its six links, each by itself: carts without plates, `P_ij = A0_ij`, and
+/// `q_4 = q_5 = q_6 = 0`. Its forward kinematics needs no Tau property; the platform turns as the
+/// links let it. Its side of the carts' plane (`c_f`) is that of the seed.
 impl From<&l2::Geometry> for Geometry {
     fn from(geometry: &l2::Geometry) -> Self {
         let [l1, l2, l3] = geometry.lengths_m;
@@ -57,7 +61,8 @@ impl From<&l2::Geometry> for Geometry {
             turn_axis: Vector3::z(),
             tilt_axis: Vector3::y(),
             turn_signs: [Branch::Positive; 2],
-            travel: (geometry.travel).map(|[one, two, three]| [one, two, three, fixed, fixed, fixed]),
+            travel: (geometry.travel)
+                .map(|[one, two, three]| [one, two, three, fixed, fixed, fixed]),
         }
     }
 }
@@ -72,18 +77,35 @@ impl Robot {
     /// Checks every parameter, and gives both axes unit length.
     ///
     /// # Errors
-    /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range or reversed.
+    /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range
+    /// or reversed.
     pub fn new(mut geometry: Geometry) -> Result<Self, RobotError> {
         let (from, to) = SCALE_RANGE;
         check_vectors(Parameter::Cart, &geometry.carts_m, 0.0, MAX_LENGTH_M)?;
         check_vectors(Parameter::Guideway, &geometry.guideways, from, to)?;
-        check_vectors(Parameter::PlateJoint, &geometry.plate_joints_m, 0.0, MAX_LENGTH_M)?;
-        check_vectors(Parameter::PlatformJoint, &geometry.platform_joints_m, 0.0, MAX_LENGTH_M)?;
+        check_vectors(
+            Parameter::PlateJoint,
+            &geometry.plate_joints_m,
+            0.0,
+            MAX_LENGTH_M,
+        )?;
+        check_vectors(
+            Parameter::PlatformJoint,
+            &geometry.platform_joints_m,
+            0.0,
+            MAX_LENGTH_M,
+        )?;
         check_magnitudes(Parameter::Length, &geometry.lengths_m, 1e-6, MAX_LENGTH_M)?;
-        let axes = [(Parameter::TurnAxis, &mut geometry.turn_axis), (Parameter::TiltAxis, &mut geometry.tilt_axis)];
+        let axes = [
+            (Parameter::TurnAxis, &mut geometry.turn_axis),
+            (Parameter::TiltAxis, &mut geometry.tilt_axis),
+        ];
         for (parameter, axis) in axes {
             check_vectors(parameter, slice::from_ref(axis), from, to)?;
-            *axis = unit(axis).ok_or(RobotError::NotFinite { parameter, index: 0 })?;
+            *axis = unit(axis).ok_or(RobotError::NotFinite {
+                parameter,
+                index: 0,
+            })?;
         }
         check_travel(geometry.travel.iter().flatten())?;
         Ok(Self { geometry })
@@ -96,7 +118,8 @@ impl Robot {
         &self.geometry
     }
 
-    /// Returns the numbers that decide the kinematics: `C`, `V`, `P`, `b`, `L`, `c`, `ax`, `ax6`, `sigma4`, `sigma5`, in that order.
+    /// Returns the numbers that decide the kinematics: `C`, `V`, `P`, `b`, `L`, `c`, `ax`, `ax6`,
+    /// `sigma4`, `sigma5`, in that order.
     pub(super) fn numbers(&self) -> impl Iterator<Item = f64> {
         let geometry = &self.geometry;
         let vectors = (geometry.carts_m.iter())

@@ -25,7 +25,10 @@ impl Compensator {
         config: CompensatorConfig<AXES>,
     ) -> Result<Self, CompensatorError> {
         config.check()?;
-        Ok(Self { machine: Elastic::new(kinematics, compliances), config })
+        Ok(Self {
+            machine: Elastic::new(kinematics, compliances),
+            config,
+        })
     }
 
     /// The machine and its springs.
@@ -40,8 +43,9 @@ impl Compensator {
         &self.config
     }
 
-    /// Returns the offsets of one cycle, which hold the tool where the nominal positions put it, under `load`; to first order, at
-    /// constant cost. Whatever the load, the offsets are within the limits.
+    /// Returns the offsets of one cycle, which hold the tool where the nominal positions put it,
+    /// under `load`; to first order, at constant cost. For any load the offsets are within the
+    /// limits.
     ///
     /// # Errors
     /// As [`Kinematics::forward`] and [`Elastic::command`].
@@ -63,13 +67,17 @@ impl Compensator {
     /// let nominal = [PositionNm(500_000_000), PositionNm(-500_000_000), PositionNm(500_000_000)];
     /// let load = Wrench::from_array([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     /// let correction = compensator.correct(&nominal, &load)?;
-    /// // The load pushes the carts along +x, so they are told to stand back.
+    /// // The load pushes the carts along +x, so they are commanded to stand back.
     /// assert!(correction.offsets.iter().all(|offset| offset.0 < 0));
     /// assert_eq!(correction.saturated, [false; 3]);
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```
     #[inline]
-    pub fn correct(&self, nominal: &[PositionNm; AXES], load: &Wrench) -> Result<Correction<AXES>, KinematicsError> {
+    pub fn correct(
+        &self,
+        nominal: &[PositionNm; AXES],
+        load: &Wrench,
+    ) -> Result<Correction<AXES>, KinematicsError> {
         self.correct_q(&self.config.q_of(nominal), load)
     }
 
@@ -78,14 +86,19 @@ impl Compensator {
     /// # Errors
     /// As [`correct`](Self::correct).
     #[inline]
-    pub fn correct_q(&self, q: &[f64; AXES], load: &Wrench) -> Result<Correction<AXES>, KinematicsError> {
+    pub fn correct_q(
+        &self,
+        q: &[f64; AXES],
+        load: &Wrench,
+    ) -> Result<Correction<AXES>, KinematicsError> {
         let (tcp_m, frame) = self.machine.kinematics().forward_frame(q)?;
         let deflection = self.machine.deflection_in(&frame, load)?;
         let command = (self.machine).corrected(&tcp_m, &deflection, self.config.gain)?;
         self.config.bounded(q, &command)
     }
 
-    /// As [`correct_q`](Self::correct_q) by the exact map, for a known pose; the share `gain` of its offsets.
+    /// As [`correct_q`](Self::correct_q) by the exact map, for a known pose; the share `gain` of
+    /// its offsets.
     ///
     /// # Errors
     /// As [`exact_command`].
@@ -95,7 +108,8 @@ impl Compensator {
         q: &[f64; AXES],
         load: &Wrench,
     ) -> Result<Correction<AXES>, KinematicsError> {
-        let (robot, springs) = (self.machine.kinematics().robot(), self.machine.compliances());
+        let robot = self.machine.kinematics().robot();
+        let springs = self.machine.compliances();
         let exact = exact_command(robot, springs, pose, q, load)?;
         self.config.bounded_share(q, &exact.value)
     }
@@ -111,7 +125,11 @@ mod tests {
     const LIMIT: OffsetNm = OffsetNm(2_000_000);
 
     fn compensator(gain: f64, limit: OffsetNm) -> Compensator {
-        let config = CompensatorConfig { gain, limits: [limit; AXES], metres_per_q: [1.0; AXES] };
+        let config = CompensatorConfig {
+            gain,
+            limits: [limit; AXES],
+            metres_per_q: [1.0; AXES],
+        };
         Compensator::new(&l2(), &compliances(), config).unwrap()
     }
 
@@ -126,7 +144,11 @@ mod tests {
         let scaled = machine(geometry, &Matrix3::identity());
         let scaled = Compensator::new(&scaled, &compliances(), config).unwrap();
         let plain = compensator(1.0, LIMIT);
-        let nominal = [PositionNm(500_000_000), PositionNm(-480_000_000), PositionNm(510_000_000)];
+        let nominal = [
+            PositionNm(500_000_000),
+            PositionNm(-480_000_000),
+            PositionNm(510_000_000),
+        ];
         let load = Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0]);
         let q = nominal.map(|position| position.to_metres().0);
         assert_eq!(plain.correct(&nominal, &load), plain.correct_q(&q, &load));
@@ -139,16 +161,25 @@ mod tests {
     fn home_offsets_are_those_of_the_robot_file() {
         let q = l2().inverse(&Vector3::new(0.0, 0.5, 0.65)).unwrap();
         let load = Wrench::from_array([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let offsets = compensator(1.0, LIMIT).correct_q(&q, &load).unwrap().offsets;
+        let offsets = compensator(1.0, LIMIT)
+            .correct_q(&q, &load)
+            .unwrap()
+            .offsets;
         let micrometres = offsets.map(|offset| offset.0 / 1000);
         assert_eq!(micrometres, [-188, -237, -149]);
         let none = compensator(0.0, LIMIT).correct_q(&q, &load).unwrap();
         assert_eq!(none.offsets, [OffsetNm(0); AXES]);
-        let cut = compensator(1.0, OffsetNm(190_000)).correct_q(&q, &load).unwrap();
+        let cut = compensator(1.0, OffsetNm(190_000))
+            .correct_q(&q, &load)
+            .unwrap();
         assert_eq!(cut.saturated, [false, true, false]);
         assert_eq!(cut.offsets[1], OffsetNm(-190_000));
         let zero = compensator(1.0, OffsetNm(0)).correct_q(&q, &load).unwrap();
         assert_eq!(zero.offsets, [OffsetNm(0); AXES]);
+    }
+
+    fn refused(config: CompensatorConfig<AXES>) -> CompensatorError {
+        Compensator::new(&l2(), &compliances(), config).unwrap_err()
     }
 
     #[test]
@@ -157,10 +188,12 @@ mod tests {
         let ours = compensator(1.0, LIMIT);
         let heavy = Wrench::from_array([1e7, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!(ours.correct_q(&q, &heavy).is_err());
-        let refused = |config| Compensator::new(&l2(), &compliances(), config).unwrap_err();
         let good = *ours.config();
         for gain in [f64::NAN, -0.1, 1.1] {
-            assert_eq!(refused(CompensatorConfig { gain, ..good }), CompensatorError::Gain);
+            assert_eq!(
+                refused(CompensatorConfig { gain, ..good }),
+                CompensatorError::Gain
+            );
         }
         let mut bad = good;
         bad.limits[1] = OffsetNm(-1);
@@ -177,7 +210,9 @@ mod tests {
         let load = Wrench::from_array([300.0, -50.0, 100.0, 1.0, 2.0, -1.0]);
         let exact = exact_command(l2().robot(), &compliances(), &pose, &q, &load).unwrap();
         for gain in [1.0, 0.5, 0.0] {
-            let ours = compensator(gain, LIMIT).correct_exact_at(&pose, &q, &load).unwrap();
+            let ours = compensator(gain, LIMIT)
+                .correct_exact_at(&pose, &q, &load)
+                .unwrap();
             assert_eq!(ours.saturated, [false; AXES]);
             for ((offset, q), held) in ours.offsets.iter().zip(q).zip(exact.value) {
                 let expected_m = gain * (held - q);
@@ -185,14 +220,19 @@ mod tests {
                 assert!((offset.to_metres().0 - expected_m).abs() < 1e-9);
             }
         }
-        let cut = compensator(1.0, OffsetNm(100_000)).correct_exact_at(&pose, &q, &load).unwrap();
+        let cut = compensator(1.0, OffsetNm(100_000))
+            .correct_exact_at(&pose, &q, &load)
+            .unwrap();
         assert!(cut.saturated.contains(&true), "{cut:?}");
         assert!(cut.offsets.iter().all(|offset| offset.0.abs() <= 100_000));
         let ours = compensator(1.0, LIMIT);
         let exact = ours.correct_exact_at(&pose, &q, &load).unwrap();
         let first_order = ours.correct_q(&q, &load).unwrap();
         for (one, other) in exact.offsets.iter().zip(first_order.offsets) {
-            assert!((one.0 - other.0).abs() < other.0.abs() / 50, "{exact:?} {first_order:?}");
+            assert!(
+                (one.0 - other.0).abs() < other.0.abs() / 50,
+                "{exact:?} {first_order:?}"
+            );
         }
     }
 }

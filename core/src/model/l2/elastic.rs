@@ -1,11 +1,14 @@
 //! The L2 with links and carts as springs: two 3x3 solves instead of one 6x6, for the cyclic path.
 //!
-//! In the nominal model the links of a cluster are parallel (the Tau property), so `W f + w = 0` falls apart. With the links
-//! kept at their length, `w_i = L_i s_i`, and tensions per metre of link, `phi_ij = f_ij / L_i`:
+//! In the nominal model the links of a cluster are parallel (the Tau property), so `W f + w = 0`
+//! falls apart. With the links kept at their length, `w_i = L_i s_i`, and tensions per metre of
+//! link, `phi_ij = f_ij / L_i`:
 //!
 //! - forces: `sum_i Phi_i w_i = -F` for the sums `Phi_i` of each cluster, a 3x3 solve;
-//! - moments: one link of each cluster expressed by its sum, what remains are differences of levers,
-//!   `phi_21 (l_21 - l_22) x w_2 + phi_32 (l_32 - l_31) x w_3 + phi_33 (l_33 - l_31) x w_3 = -M - sum_i Phi_i l_i x w_i`, another 3x3 solve.
+//! - moments: one link of each cluster expressed by its sum, what remains are differences of
+//!   levers,
+//!   `phi_21 (l_21 - l_22) x w_2 + phi_32 (l_32 - l_31) x w_3 + phi_33 (l_33 - l_31) x w_3 = -M - sum_i Phi_i l_i x w_i`,
+//!   another 3x3 solve.
 //!
 //! The displacement solves the same two matrices transposed, in the other order. No root is taken.
 
@@ -24,7 +27,8 @@ pub struct Deflection {
     pub carts: [f64; AXES],
     /// `dT_links`: translation of the tool centre point by the links alone, world axes, m.
     pub translation_m: Vector3<f64>,
-    /// `dtheta_links`: rotation of the platform by the links alone, world axes, rad. A 3-DOF machine cannot correct it.
+    /// `dtheta_links`: rotation of the platform by the links alone, world axes, rad. A 3-DOF
+    /// machine cannot correct it.
     pub rotation_rad: Vector3<f64>,
 }
 
@@ -83,11 +87,13 @@ impl Elastic {
     /// Returns the command to first order: positions that hold `tcp_m` under `load`,
     /// `q_cmd = IK(T - gain dT_links) - gain r` (q-units).
     ///
-    /// `q` are the positions that hold it without load. The command is neither limited nor filtered. Travel is not checked: a
-    /// correction may reach from the nominal travel into the machine's.
+    /// `q` are the positions that hold it without load. The command is neither limited nor
+    /// filtered. Travel is not checked: a correction may reach from the nominal travel into the
+    /// machine's.
     ///
     /// # Errors
-    /// As [`deflection`](Self::deflection) at `tcp_m`, and as [`Kinematics::inverse`] for the corrected pose.
+    /// As [`deflection`](Self::deflection) at `tcp_m`, and as [`Kinematics::inverse`] for the
+    /// corrected pose.
     #[inline]
     pub fn command(
         &self,
@@ -114,11 +120,12 @@ impl Elastic {
         Ok([q1 - gain * r1, q2 - gain * r2, q3 - gain * r3])
     }
 
-    /// Returns the deflection by `load` at `tcp_m` (world axes, metres) with the carts at `q` (q-units).
+    /// Returns the deflection by `load` at `tcp_m` (world axes, metres) with the carts at `q`
+    /// (q-units).
     ///
     /// # Errors
-    /// As [`Kinematics::link_frame`]; also [`KinematicsError::Singular`] when the platform could turn without a link
-    /// changing its length, and `NotFinite`.
+    /// As [`Kinematics::link_frame`]; also [`KinematicsError::Singular`] when the platform could
+    /// turn without a link changing its length, and `NotFinite`.
     #[inline]
     pub fn deflection(
         &self,
@@ -130,12 +137,18 @@ impl Elastic {
         self.deflection_in(&frame, load)
     }
 
-    /// Returns the deflection by `load` of `frame`, which comes from [`kinematics`](Self::kinematics).
+    /// Returns the deflection by `load` of `frame`, which comes from
+    /// [`kinematics`](Self::kinematics).
     ///
     /// # Errors
-    /// [`KinematicsError::Singular`] when the platform could turn without a link changing its length, `NotFinite`.
+    /// [`KinematicsError::Singular`] when the platform could turn without a link changing its
+    /// length, `NotFinite`.
     #[inline]
-    pub fn deflection_in(&self, frame: &LinkFrame, load: &Wrench) -> Result<Deflection, KinematicsError> {
+    pub fn deflection_in(
+        &self,
+        frame: &LinkFrame,
+        load: &Wrench,
+    ) -> Result<Deflection, KinematicsError> {
         let [w1, w2, w3] = &frame.links_m;
         let [r1, r2, r3] = &frame.inverse_rows;
         let [l11, l22, l31] = &self.levers_m;
@@ -173,8 +186,12 @@ impl Elastic {
 
         let [g1, g2, g3] = frame.drives;
         let [s1, s2, s3] = *self.compliances.cart_m_per_n();
-        Ok(Deflection { carts: [-s1 * g1 * p1, -s2 * g2 * p2, -s3 * g3 * p3], translation_m, rotation_rad })
-            .and_then(Deflection::checked)
+        Ok(Deflection {
+            carts: [-s1 * g1 * p1, -s2 * g2 * p2, -s3 * g3 * p3],
+            translation_m,
+            rotation_rad,
+        })
+        .and_then(Deflection::checked)
     }
 
     #[cold]
@@ -193,12 +210,17 @@ impl Elastic {
 }
 
 impl Deflection {
-    /// Returns the deflection if it is finite: an infinity or NaN among the numbers makes their sum infinite or NaN.
+    /// Returns the deflection if it is finite: an infinity or NaN among the numbers makes their sum
+    /// infinite or NaN.
     #[inline]
     fn checked(self) -> Result<Self, KinematicsError> {
         let [r1, r2, r3] = self.carts;
         let sum = r1 + r2 + r3 + self.translation_m.sum() + self.rotation_rad.sum();
-        if sum.is_finite() { Ok(self) } else { Err(KinematicsError::NotFinite) }
+        if sum.is_finite() {
+            Ok(self)
+        } else {
+            Err(KinematicsError::NotFinite)
+        }
     }
 }
 
@@ -238,7 +260,8 @@ mod tests {
     #[test]
     fn a_platform_that_can_turn_freely_is_refused() {
         let mut flat = geometry();
-        // Links 31, 32 and 33 side by side: nothing holds a rotation about their common direction in the plane.
+        // Links 31, 32 and 33 side by side: nothing holds a rotation about their common direction
+        // in the plane.
         let shift = Vector3::new(0.12, -0.05, 0.05) - flat.cart_joints_m[5];
         flat.cart_joints_m[5] += shift;
         flat.platform_joints_m[5] += shift;
@@ -246,11 +269,17 @@ mod tests {
         let tcp = Vector3::new(0.0, 0.5, 0.65);
         let q = nominal.inverse(&tcp).unwrap();
         let model = Elastic::new(&nominal, &compliances());
-        assert!(matches!(model.deflection(&tcp, &q, &Wrench::zero()), Err(KinematicsError::Singular { .. })));
+        assert!(matches!(
+            model.deflection(&tcp, &q, &Wrench::zero()),
+            Err(KinematicsError::Singular { .. })
+        ));
         let model = Elastic::new(&l2(), &compliances());
         for wild in [f64::NAN, f64::INFINITY, f64::MAX] {
             let load = Wrench::from_array([wild; 6]);
-            assert_eq!(model.deflection(&tcp, &q, &load), Err(KinematicsError::NotFinite));
+            assert_eq!(
+                model.deflection(&tcp, &q, &load),
+                Err(KinematicsError::NotFinite)
+            );
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Diagnosis of a closed form that failed: done after the failure only, so that success stays cheap.
+//! Diagnosis of a closed form that failed: done after the failure only, so that success stays
+//! cheap.
 
 use nalgebra::Vector3;
 
@@ -8,7 +9,8 @@ use crate::model::kinematics::{KinematicsError, SINGULARITY_TOLERANCE};
 use crate::model::linalg::sqrt;
 
 impl Kinematics {
-    /// Names the reason after [`inverse`](Self::inverse) failed, in the order in which it could have been noticed.
+    /// Names the reason after [`inverse`](Self::inverse) failed, in the order in which it could
+    /// have been noticed.
     #[cold]
     #[inline(never)]
     pub(super) fn diagnose_inverse(&self, tcp_m: &Vector3<f64>) -> KinematicsError {
@@ -25,7 +27,9 @@ impl Kinematics {
             }
             if reach.along_squared <= model.along_squared_min {
                 let cosine_squared = reach.along_squared / model.length_squared;
-                return KinematicsError::Singular { measure: sqrt(cosine_squared) };
+                return KinematicsError::Singular {
+                    measure: sqrt(cosine_squared),
+                };
             }
         }
         for (axis, (model, reach)) in self.arms.iter().zip([&r1, &r2, &r3]).enumerate() {
@@ -61,7 +65,9 @@ impl Kinematics {
             }
             let squared = meeting.determinant_squared;
             let measure = if squared > 0.0 { sqrt(squared) } else { 0.0 };
-            return KinematicsError::Singular { measure: if carts_in_line { 0.0 } else { measure * scale } };
+            return KinematicsError::Singular {
+                measure: if carts_in_line { 0.0 } else { measure * scale },
+            };
         }
         // So near to a singularity that rounding decides.
         if meeting.mismatch > self.mismatch_max {
@@ -73,7 +79,9 @@ impl Kinematics {
                 return KinematicsError::OtherBranch { arm: Some(arm) };
             }
             if along <= model.along_min {
-                return KinematicsError::Singular { measure: along.abs() * SINGULARITY_TOLERANCE / model.along_min };
+                return KinematicsError::Singular {
+                    measure: along.abs() * SINGULARITY_TOLERANCE / model.along_min,
+                };
             }
         }
         KinematicsError::NotFinite
@@ -82,6 +90,11 @@ impl Kinematics {
 
 impl Arm {
     fn out_of_range(&self, axis: usize, q: f64) -> KinematicsError {
-        KinematicsError::OutOfRange { axis, q, lower: self.lower, upper: self.upper }
+        KinematicsError::OutOfRange {
+            axis,
+            q,
+            lower: self.lower,
+            upper: self.upper,
+        }
     }
 }

@@ -6,8 +6,8 @@ use super::AXES;
 use crate::model::kinematics::{KinematicsError, Pose, directions};
 use crate::model::linalg::{max_propagating_nan, norm, times};
 use crate::model::robot::{
-    ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE, check_magnitudes, check_travel,
-    check_vectors,
+    ARM_OF_LINK, ARMS, Branch, LINKS, MAX_LENGTH_M, Parameter, RobotError, SCALE_RANGE,
+    check_magnitudes, check_travel, check_vectors,
 };
 use crate::model::statics::LineMatrix;
 
@@ -17,7 +17,8 @@ use crate::model::statics::LineMatrix;
 pub struct Configuration {
     /// Inverse kinematics, per arm: sign of `s_i . v_i`, with `s_i` from platform to cart.
     pub inverse: [Branch; ARMS],
-    /// Forward kinematics: sign of `n . (T - P_1)`, with `n = (P_2 - P_1) x (P_3 - P_1)` and `P_i` the nominal cart points.
+    /// Forward kinematics: sign of `n . (T - P_1)`, with `n = (P_2 - P_1) x (P_3 - P_1)` and `P_i`
+    /// the nominal cart points.
     pub forward: Branch,
 }
 
@@ -48,12 +49,23 @@ impl Robot {
     /// Checks every parameter.
     ///
     /// # Errors
-    /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range or reversed.
+    /// The first parameter, in the order of [`Geometry`]'s fields, that is not finite, out of range
+    /// or reversed.
     pub fn new(geometry: Geometry) -> Result<Self, RobotError> {
         let (from, to) = SCALE_RANGE;
-        check_vectors(Parameter::CartJoint, &geometry.cart_joints_m, 0.0, MAX_LENGTH_M)?;
+        check_vectors(
+            Parameter::CartJoint,
+            &geometry.cart_joints_m,
+            0.0,
+            MAX_LENGTH_M,
+        )?;
         check_vectors(Parameter::Guideway, &geometry.guideways, from, to)?;
-        check_vectors(Parameter::PlatformJoint, &geometry.platform_joints_m, 0.0, MAX_LENGTH_M)?;
+        check_vectors(
+            Parameter::PlatformJoint,
+            &geometry.platform_joints_m,
+            0.0,
+            MAX_LENGTH_M,
+        )?;
         check_magnitudes(Parameter::Length, &geometry.lengths_m, 1e-6, MAX_LENGTH_M)?;
         check_travel(geometry.travel.iter().flatten())?;
         Ok(Self { geometry })
@@ -66,18 +78,23 @@ impl Robot {
         &self.geometry
     }
 
-    /// Returns the numbers that decide the kinematics: `A0`, `V`, `b`, `L`, `c`, `cf`, in that order.
+    /// Returns the numbers that decide the kinematics: `A0`, `V`, `b`, `L`, `c`, `cf`, in that
+    /// order.
     pub(super) fn numbers(&self) -> impl Iterator<Item = f64> {
         let geometry = &self.geometry;
-        let vectors = (geometry.cart_joints_m.iter()).chain(&geometry.guideways).chain(&geometry.platform_joints_m);
+        let vectors = (geometry.cart_joints_m.iter())
+            .chain(&geometry.guideways)
+            .chain(&geometry.platform_joints_m);
         let branches = (geometry.configuration.inverse.iter())
             .chain([&geometry.configuration.forward])
             .map(|branch| branch.sign());
-        (vectors.flat_map(|vector| vector.iter().copied())).chain(geometry.lengths_m).chain(branches)
+        (vectors.flat_map(|vector| vector.iter().copied()))
+            .chain(geometry.lengths_m)
+            .chain(branches)
     }
 
-    /// Returns the largest error of the six link lengths in this pose with these positions (q-units), in metres `[T 3.4]`;
-    /// NaN when a number given is.
+    /// Returns the largest error of the six link lengths in this pose with these positions
+    /// (q-units), in metres `[T 3.4]`; NaN when a number given is.
     #[must_use]
     pub fn residual_m(&self, pose: &Pose, q: &[f64; AXES]) -> f64 {
         links(&self.geometry, pose, q)
@@ -85,12 +102,18 @@ impl Robot {
             .fold(0.0, max_propagating_nan)
     }
 
-    /// Returns the line matrix `[T 3.17]` in any pose, with these positions (q-units). The Tau property is not needed.
+    /// Returns the line matrix `[T 3.17]` in any pose, with these positions (q-units). The Tau
+    /// property is not needed.
     ///
     /// # Errors
-    /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number given is not finite.
+    /// [`KinematicsError::Singular`] when the lines depend on each other, `NotFinite` when a number
+    /// given is not finite.
     #[inline]
-    pub fn line_matrix(&self, pose: &Pose, q: &[f64; AXES]) -> Result<LineMatrix<AXES>, KinematicsError> {
+    pub fn line_matrix(
+        &self,
+        pose: &Pose,
+        q: &[f64; AXES],
+    ) -> Result<LineMatrix<AXES>, KinematicsError> {
         let mut links_m = [Vector3::zeros(); LINKS];
         for (slot, (link_m, _)) in links_m.iter_mut().zip(links(&self.geometry, pose, q)) {
             *slot = link_m;
@@ -98,16 +121,22 @@ impl Robot {
         let directions = directions(&links_m)?;
         let mut drives = [[0.0; AXES]; LINKS];
         for ((row, s), arm) in drives.iter_mut().zip(&directions).zip(ARM_OF_LINK) {
-            if let (Some(drive), Some(guideway)) = (row.get_mut(arm), self.geometry.guideways.get(arm)) {
+            if let (Some(drive), Some(guideway)) =
+                (row.get_mut(arm), self.geometry.guideways.get(arm))
+            {
                 *drive = s.dot(guideway);
             }
         }
-        let levers_m = self.geometry.platform_joints_m.map(|joint| times(&pose.rotation, &joint));
+        let levers_m = self
+            .geometry
+            .platform_joints_m
+            .map(|joint| times(&pose.rotation, &joint));
         LineMatrix::new(&directions, &drives, &levers_m)
     }
 }
 
-/// The six links in link order `[T 3.3, 3.5, 3.6]`: `A_ij - B_ij`, from platform joint to cart joint, world axes, and `L_i`; metres.
+/// The six links in link order `[T 3.3, 3.5, 3.6]`: `A_ij - B_ij`, from platform joint to cart
+/// joint, world axes, and `L_i`; metres.
 pub(super) fn links<'a>(
     geometry: &'a Geometry,
     pose: &'a Pose,
@@ -117,10 +146,19 @@ pub(super) fn links<'a>(
     let [v1, v2, v3] = geometry.guideways;
     let [l1, l2, l3] = geometry.lengths_m;
     let (one, two, three) = ((v1 * q1, l1), (v2 * q2, l2), (v3 * q3, l3));
-    let joints = geometry.cart_joints_m.iter().zip(&geometry.platform_joints_m);
-    [one, two, two, three, three, three].into_iter().zip(joints).map(|((moved_m, length_m), (cart, joint))| {
-        (cart + moved_m - pose.position_m - times(&pose.rotation, joint), length_m)
-    })
+    let joints = geometry
+        .cart_joints_m
+        .iter()
+        .zip(&geometry.platform_joints_m);
+    [one, two, two, three, three, three]
+        .into_iter()
+        .zip(joints)
+        .map(|((moved_m, length_m), (cart, joint))| {
+            (
+                cart + moved_m - pose.position_m - times(&pose.rotation, joint),
+                length_m,
+            )
+        })
 }
 
 /// Any numbers: more machines than [`Robot::new`] accepts.
@@ -133,7 +171,10 @@ impl kani::Arbitrary for Robot {
             guideways: any_three(),
             platform_joints_m: any_six(),
             lengths_m: kani::any(),
-            configuration: Configuration { inverse: [Branch::Positive; ARMS], forward: Branch::Positive },
+            configuration: Configuration {
+                inverse: [Branch::Positive; ARMS],
+                forward: Branch::Positive,
+            },
             travel: kani::any(),
         };
         Self { geometry }

@@ -8,10 +8,14 @@ use proptest::prelude::*;
 
 /// The example machine, its travel unchecked.
 pub(crate) fn geometry() -> Geometry {
-    Geometry { travel: None, ..presets::l2() }
+    Geometry {
+        travel: None,
+        ..presets::l2()
+    }
 }
 
-/// The same machine with guideways that are neither parallel nor of unit length, seen from turned world axes.
+/// The same machine with guideways that are neither parallel nor of unit length, seen from turned
+/// world axes.
 pub(crate) fn skewed() -> (Geometry, Matrix3<f64>) {
     let turn = rotation_from_vector(&Vector3::new(0.4, -0.7, 0.3)).unwrap();
     let mut geometry = geometry();
@@ -50,7 +54,10 @@ pub(crate) fn close(ours: &[f64], reference: &[f64], tolerance: f64, what: &str)
     assert_eq!(ours.len(), reference.len(), "{what}");
     let magnitude = reference.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     for (a, b) in ours.iter().zip(reference) {
-        assert!((a - b).abs() <= tolerance * magnitude, "{what}: {ours:?} {reference:?}");
+        assert!(
+            (a - b).abs() <= tolerance * magnitude,
+            "{what}: {ours:?} {reference:?}"
+        );
     }
 }
 
@@ -69,7 +76,8 @@ proptest! {
             prop_assert!(residual < 1e-13, "{residual}");
             match nominal.forward(&q) {
                 Ok(back) => prop_assert!(norm(&(back - tcp)) < 1e-10, "{back} {tcp}"),
-                // Both ways refuse at the same measure; rounding may put a pose on either side of it.
+                // Both ways refuse at the same measure; rounding may put a pose on either side of
+                // it.
                 Err(error) => prop_assert!(
                     matches!(error, KinematicsError::Singular { measure } if measure > 0.999 * SINGULARITY_TOLERANCE), "{error}"
                 ),
@@ -105,36 +113,68 @@ fn the_jacobian_is_the_derivative_of_forward() {
         let jacobian = nominal.jacobian(&tcp).unwrap();
         for axis in 0..AXES {
             let step = 1e-5 / norm(&nominal.arms[axis].guideway);
-            let at = |sign: f64| {
+            let [ahead, behind] = [step, -step].map(|by| {
                 let mut moved = q;
-                moved[axis] += sign * step;
+                moved[axis] += by;
                 nominal.forward(&moved).unwrap()
-            };
-            let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+            });
+            let difference = (ahead - behind) / (2.0 * step);
             let ours = jacobian.column(axis).into_owned();
-            assert!(norm(&(difference - ours)) < 1e-8 * norm(&ours), "{difference} {ours}");
+            assert!(
+                norm(&(difference - ours)) < 1e-8 * norm(&ours),
+                "{difference} {ours}"
+            );
         }
     }
+}
+
+fn inverse_error(nominal: &Kinematics, tcp_m: [f64; 3]) -> KinematicsError {
+    nominal.inverse_in_assembly(&tcp_m.into()).unwrap_err()
 }
 
 #[test]
 fn every_refusal_of_inverse_has_its_code() {
     let nominal = l2();
-    let why = |x, y, z| nominal.inverse_in_assembly(&Vector3::new(x, y, z)).unwrap_err();
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert_eq!(why(bad, 0.5, 0.6), KinematicsError::NotFinite);
-        assert_eq!(why(0.0, 0.5, bad), KinematicsError::NotFinite);
+        assert_eq!(
+            inverse_error(&nominal, [bad, 0.5, 0.6]),
+            KinematicsError::NotFinite
+        );
+        assert_eq!(
+            inverse_error(&nominal, [0.0, 0.5, bad]),
+            KinematicsError::NotFinite
+        );
     }
-    assert_eq!(why(0.0, 1.2, 0.6), KinematicsError::Unreachable { arm: 0 });
-    assert_eq!(why(0.0, 0.2, 1.12), KinematicsError::Unreachable { arm: 2 });
-    assert_eq!(why(1e300, 0.5, 0.6), KinematicsError::Unreachable { arm: 0 });
-    assert_eq!(why(0.0, f64::MAX, 0.6), KinematicsError::Unreachable { arm: 0 });
-    assert!(matches!(why(5000.0, 0.5, 0.6), KinematicsError::OutOfRange { axis: 0, .. }));
+    assert_eq!(
+        inverse_error(&nominal, [0.0, 1.2, 0.6]),
+        KinematicsError::Unreachable { arm: 0 }
+    );
+    assert_eq!(
+        inverse_error(&nominal, [0.0, 0.2, 1.12]),
+        KinematicsError::Unreachable { arm: 2 }
+    );
+    assert_eq!(
+        inverse_error(&nominal, [1e300, 0.5, 0.6]),
+        KinematicsError::Unreachable { arm: 0 }
+    );
+    assert_eq!(
+        inverse_error(&nominal, [0.0, f64::MAX, 0.6]),
+        KinematicsError::Unreachable { arm: 0 }
+    );
+    assert!(matches!(
+        inverse_error(&nominal, [5000.0, 0.5, 0.6]),
+        KinematicsError::OutOfRange { axis: 0, .. }
+    ));
     // On the other side of the carts' plane.
-    assert_eq!(why(0.0, -0.6, 0.6), KinematicsError::OtherBranch { arm: None });
+    assert_eq!(
+        inverse_error(&nominal, [0.0, -0.6, 0.6]),
+        KinematicsError::OtherBranch { arm: None }
+    );
     // Straight across the guideway of arm 1, to the last bit and nearly.
     for y in [1.0, 1.0 - 1e-10] {
-        let Err(KinematicsError::Singular { measure }) = nominal.inverse(&Vector3::new(0.0, y, 1.25)) else {
+        let Err(KinematicsError::Singular { measure }) =
+            nominal.inverse(&Vector3::new(0.0, y, 1.25))
+        else {
             // Arm 3 is out of reach there too, and arm 1 is looked at first.
             panic!("{:?}", nominal.inverse(&Vector3::new(0.0, y, 1.25)));
         };
@@ -152,9 +192,14 @@ fn travel_is_checked_and_named() {
         travel[axis] = (q[axis] + 1e-9, 2.0);
         geometry.travel = Some(travel);
         let nominal = machine(geometry, &Matrix3::identity());
-        let expected = |error| matches!(error, KinematicsError::OutOfRange { axis: named, .. } if named == axis);
-        assert!(expected(nominal.inverse(&tcp).unwrap_err()));
-        assert!(expected(nominal.forward(&q).unwrap_err()));
+        for error in [
+            nominal.inverse(&tcp).unwrap_err(),
+            nominal.forward(&q).unwrap_err(),
+        ] {
+            assert!(
+                matches!(error, KinematicsError::OutOfRange { axis: named, .. } if named == axis)
+            );
+        }
         assert_eq!(nominal.without_travel().inverse(&tcp), Ok(q));
         assert_eq!(nominal.inverse(&tcp).unwrap_err().kind(), "out_of_range");
     }
@@ -163,19 +208,36 @@ fn travel_is_checked_and_named() {
 #[test]
 fn every_refusal_of_forward_has_its_code() {
     let nominal = l2();
-    let why = |q: [f64; 3]| nominal.forward(&q).unwrap_err();
-    assert_eq!(why([f64::NAN, 0.0, 0.0]), KinematicsError::NotFinite);
-    assert_eq!(why([0.0, 0.0, f64::INFINITY]), KinematicsError::NotFinite);
-    assert_eq!(why([0.0, 5.0, 0.0]), KinematicsError::NoAssembly);
-    assert!(matches!(why([0.0, 0.0, 2000.0]), KinematicsError::OutOfRange { axis: 2, .. }));
+    assert_eq!(
+        nominal.forward(&[f64::NAN, 0.0, 0.0]).unwrap_err(),
+        KinematicsError::NotFinite
+    );
+    assert_eq!(
+        nominal.forward(&[0.0, 0.0, f64::INFINITY]).unwrap_err(),
+        KinematicsError::NotFinite
+    );
+    assert_eq!(
+        nominal.forward(&[0.0, 5.0, 0.0]).unwrap_err(),
+        KinematicsError::NoAssembly
+    );
+    assert!(matches!(
+        nominal.forward(&[0.0, 0.0, 2000.0]).unwrap_err(),
+        KinematicsError::OutOfRange { axis: 2, .. }
+    ));
     // All carts on the tool's other side: arm 2 would have to point forwards.
-    assert!(matches!(why([0.5, 0.6, 0.5]), KinematicsError::OtherBranch { arm: Some(_) }));
+    assert!(matches!(
+        nominal.forward(&[0.5, 0.6, 0.5]).unwrap_err(),
+        KinematicsError::OtherBranch { arm: Some(_) }
+    ));
     // Carts in one line: a circle of solutions.
     let mut geometry = geometry();
     geometry.cart_joints_m[1].y += 0.35;
     geometry.cart_joints_m[2].y += 0.35;
     let in_line = machine(geometry, &Matrix3::identity());
-    assert_eq!(in_line.forward(&[0.3, 0.3, 0.3]), Err(KinematicsError::Singular { measure: 0.0 }));
+    assert_eq!(
+        in_line.forward(&[0.3, 0.3, 0.3]),
+        Err(KinematicsError::Singular { measure: 0.0 })
+    );
 }
 
 #[test]
@@ -185,9 +247,15 @@ fn pose_and_positions_must_belong_together() {
     let mut q = nominal.inverse(&tcp).unwrap();
     assert!(nominal.link_frame(&tcp, &q).is_ok());
     q[1] += 1e-5;
-    assert_eq!(nominal.link_frame(&tcp, &q), Err(KinematicsError::Inconsistent { arm: 1 }));
+    assert_eq!(
+        nominal.link_frame(&tcp, &q),
+        Err(KinematicsError::Inconsistent { arm: 1 })
+    );
     q[1] = f64::NAN;
-    assert_eq!(nominal.link_frame(&tcp, &q), Err(KinematicsError::NotFinite));
+    assert_eq!(
+        nominal.link_frame(&tcp, &q),
+        Err(KinematicsError::NotFinite)
+    );
 }
 
 #[test]
@@ -195,16 +263,27 @@ fn the_tau_property_is_checked_link_by_link() {
     for link in [2, 4, 5] {
         let mut geometry = geometry();
         geometry.cart_joints_m[link].y += 1e-6;
-        let error = Kinematics::new(&Robot::new(geometry).unwrap(), &Matrix3::identity()).unwrap_err();
+        let error =
+            Kinematics::new(&Robot::new(geometry).unwrap(), &Matrix3::identity()).unwrap_err();
         assert!(
             matches!(error, OrientationError::NotTau { link: named, mismatch_m } if named == link && (mismatch_m - 1e-6).abs() < 1e-12)
         );
     }
     let robot = Robot::new(geometry()).unwrap();
     let turned = rotation_from_vector(&Vector3::new(0.0, 0.0, 0.1)).unwrap();
-    assert!(matches!(Kinematics::new(&robot, &turned), Err(OrientationError::NotTau { link: 2, .. })));
-    for wrong in [Matrix3::identity() * 1.1, -Matrix3::identity(), Matrix3::from_element(f64::NAN)] {
-        assert!(matches!(Kinematics::new(&robot, &wrong), Err(OrientationError::NotRotation { .. })));
+    assert!(matches!(
+        Kinematics::new(&robot, &turned),
+        Err(OrientationError::NotTau { link: 2, .. })
+    ));
+    for wrong in [
+        Matrix3::identity() * 1.1,
+        -Matrix3::identity(),
+        Matrix3::from_element(f64::NAN),
+    ] {
+        assert!(matches!(
+            Kinematics::new(&robot, &wrong),
+            Err(OrientationError::NotRotation { .. })
+        ));
     }
 }
 
@@ -214,7 +293,17 @@ fn the_residual_is_the_error_of_the_worst_link() {
     let tcp = Vector3::new(0.0, 0.5, 0.65);
     let q = l2().inverse(&tcp).unwrap();
     let turned = rotation_from_vector(&Vector3::new(0.0, 0.0, 1e-3)).unwrap();
-    let residual = robot.residual_m(&Pose { position_m: tcp, rotation: turned }, &q);
+    let residual = robot.residual_m(
+        &Pose {
+            position_m: tcp,
+            rotation: turned,
+        },
+        &q,
+    );
     assert!(residual > 1e-5 && residual < 2e-4, "{residual}");
-    assert!(robot.residual_m(&Pose::at(tcp), &[f64::NAN, 0.0, 0.0]).is_nan());
+    assert!(
+        robot
+            .residual_m(&Pose::at(tcp), &[f64::NAN, 0.0, 0.0])
+            .is_nan()
+    );
 }

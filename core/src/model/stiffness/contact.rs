@@ -6,22 +6,27 @@ use super::Compliance;
 use crate::model::kinematics::KinematicsError;
 use crate::model::linalg::{times, unit};
 
-/// Loop gain of force compensation while the tool touches a workpiece: `g n.C'n / (n.C n + 1 / k_e)`, below 1 where it is stable.
+/// Loop gain of force compensation while the tool touches a workpiece:
+/// `g n.C'n / (n.C n + 1 / k_e)`, below 1 where it is stable.
 ///
-/// The tool pushes with the force `F`; the compensation moves the reference by `g C' F` towards the workpiece, which raises the
-/// force by that over the compliance of machine and workpiece in series. This is positive feedback: each round the force grows by
-/// this factor. How far it is below 1 is the margin, and with a free tool (`k_e = 0`) nothing is fed back at all.
+/// The tool pushes with the force `F`; the compensation moves the reference by `g C' F` towards the
+/// workpiece, which raises the force by that over the compliance of machine and workpiece in
+/// series. This is positive feedback: each round the force grows by this factor. How far it is
+/// below 1 is the margin, and with a free tool (`k_e = 0`) nothing is fed back at all.
 ///
 /// - `gain`: `g`, the share that is compensated;
-/// - `estimated`: `C'`, what the compensation computes with; `machine`: `C`, what the machine has; both about the point of contact;
+/// - `estimated`: `C'`, what the compensation computes with; `machine`: `C`, what the machine has;
+///   both about the point of contact;
 /// - `normal`: `n`, the direction of contact, world axes, of any length;
 /// - `workpiece_n_per_m`: `k_e`.
 ///
-/// *Assumed*: one point of contact, without friction; small displacements; everything slower than machine and workpiece vibrate, so
-/// that filter and delay only slow the growth or decay down. A margin here is necessary, not sufficient.
+/// *Assumed*: one point of contact, without friction; small displacements; everything slower than
+/// machine and workpiece vibrate, so that filter and delay only slow the growth or decay down. A
+/// margin here is necessary, not sufficient.
 ///
 /// # Errors
-/// [`KinematicsError::NotFinite`] for a direction without length, a negative stiffness, or numbers that are not finite.
+/// [`KinematicsError::NotFinite`] for a direction without length, a negative stiffness, or numbers
+/// that are not finite.
 pub fn contact_loop_gain(
     gain: f64,
     estimated: &Compliance,
@@ -30,11 +35,19 @@ pub fn contact_loop_gain(
     workpiece_n_per_m: f64,
 ) -> Result<f64, KinematicsError> {
     let n = unit(normal).ok_or(KinematicsError::NotFinite)?;
-    let along = |compliance: &Compliance| n.dot(&times(&compliance.translation(), &n));
     // k / (1 + c k) is 1 / (c + 1 / k), and takes k = 0.
-    let series = workpiece_n_per_m / (1.0 + along(machine) * workpiece_n_per_m);
-    let loop_gain = gain * along(estimated) * series;
-    if loop_gain.is_finite() && workpiece_n_per_m >= 0.0 { Ok(loop_gain) } else { Err(KinematicsError::NotFinite) }
+    let series = workpiece_n_per_m / (1.0 + along(machine, &n) * workpiece_n_per_m);
+    let loop_gain = gain * along(estimated, &n) * series;
+    if loop_gain.is_finite() && workpiece_n_per_m >= 0.0 {
+        Ok(loop_gain)
+    } else {
+        Err(KinematicsError::NotFinite)
+    }
+}
+
+/// Displacement along a unit vector per force along it, m/N.
+fn along(compliance: &Compliance, direction: &Vector3<f64>) -> f64 {
+    direction.dot(&times(&compliance.translation(), direction))
 }
 
 #[cfg(test)]
@@ -49,7 +62,8 @@ mod tests {
     /// The force in contact, round after round, of springs that are stepped by hand.
     fn force_after(rounds: u32, gain: f64, estimated: f64, machine: f64, workpiece: f64) -> f64 {
         let series = 1.0 / (machine + 1.0 / workpiece);
-        let (mut reference_m, mut force_n) = (1e-4, 0.0);
+        let mut reference_m = 1e-4;
+        let mut force_n = 0.0;
         for _ in 0..rounds {
             force_n = series * reference_m;
             reference_m = 1e-4 + gain * estimated * force_n;
@@ -69,8 +83,13 @@ mod tests {
         ] {
             let [ours, theirs] = [estimated, machine].map(compliance);
             let loop_gain = contact_loop_gain(gain, &ours, &theirs, &normal, workpiece).unwrap();
-            let [soon, late] = [200, 400].map(|rounds| force_after(rounds, gain, estimated, machine, workpiece));
-            assert_eq!(loop_gain < 1.0, (late - soon).abs() < 1e-3 * soon, "{loop_gain} {soon} {late}");
+            let [soon, late] =
+                [200, 400].map(|rounds| force_after(rounds, gain, estimated, machine, workpiece));
+            assert_eq!(
+                loop_gain < 1.0,
+                (late - soon).abs() < 1e-3 * soon,
+                "{loop_gain} {soon} {late}"
+            );
         }
     }
 

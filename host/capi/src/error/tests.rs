@@ -9,7 +9,8 @@ use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 
 use super::*;
 
-/// An error of core, and what its code comes with: index, parameter, iterations, value, lower and upper end.
+/// An error of core, and what its code comes with: index, parameter, iterations, value, lower and
+/// upper end.
 struct Example {
     family: &'static str,
     text: String,
@@ -37,7 +38,11 @@ const fn at(index: i32) -> (i32, gt_parameter, i32, [f64; 3]) {
 
 fn all() -> Vec<Example> {
     use gt_parameter::{Cycle, Guideway, None};
-    let offsets = Offsets { position: OffsetNm(-5), velocity: VelocityUmS(6), torque: TorquePermille(-7) };
+    let offsets = Offsets {
+        position: OffsetNm(-5),
+        velocity: VelocityUmS(6),
+        torque: TorquePermille(-7),
+    };
     let parameter = Parameter::Guideway;
     examples! {
         LimitsError {
@@ -102,8 +107,8 @@ fn all() -> Vec<Example> {
     }
 }
 
-/// Number of variants of a public enum in core's sources, which are rustfmt's; 1 for a struct. The compiler cannot tell: a
-/// `#[non_exhaustive]` enum matches outside its crate with a wildcard only.
+/// Number of variants of a public enum in core's sources, which are rustfmt's; 1 for a struct. The
+/// compiler cannot tell: a `#[non_exhaustive]` enum matches outside its crate with a wildcard only.
 fn variants_in_core(folder: &Path, name: &str) -> usize {
     let mut found = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -118,11 +123,10 @@ fn variants_in_core(folder: &Path, name: &str) -> usize {
         }
         if let Some((_, body)) = source.split_once(&format!("\npub enum {name} {{\n")) {
             let lines = body.lines().take_while(|line| *line != "}");
-            let is_variant = |line: &&str| {
-                let name = line.strip_prefix("    ");
-                name.is_some_and(|name| name.starts_with(char::is_uppercase))
-            };
-            found += lines.filter(is_variant).count();
+            let names = lines.filter_map(|line| line.strip_prefix("    "));
+            found += names
+                .filter(|name| name.starts_with(char::is_uppercase))
+                .count();
         }
     }
     found
@@ -132,9 +136,27 @@ fn variants_in_core(folder: &Path, name: &str) -> usize {
 fn every_error_of_core_has_its_own_code_named_after_it_and_loses_nothing() {
     let mut codes = BTreeMap::new();
     let mut types = BTreeMap::new();
-    for Example { family, text, error, carried } in all() {
-        let gt_error { code, index, parameter, iterations, value, lower, upper } = error;
-        assert_eq!((index, parameter, iterations, [value, lower, upper]), carried, "{family}: {text}");
+    for Example {
+        family,
+        text,
+        error,
+        carried,
+    } in all()
+    {
+        let gt_error {
+            code,
+            index,
+            parameter,
+            iterations,
+            value,
+            lower,
+            upper,
+        } = error;
+        assert_eq!(
+            (index, parameter, iterations, [value, lower, upper]),
+            carried,
+            "{family}: {text}"
+        );
         let code = format!("{code:?}");
         // LimitsError::NegativeMax is LimitsNegativeMax; a struct has the name of its family.
         let variant = text.split([' ', '(']).next().unwrap();
@@ -146,12 +168,18 @@ fn every_error_of_core_has_its_own_code_named_after_it_and_loses_nothing() {
     }
     let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../core/src");
     for (name, examples) in types {
-        assert_eq!(variants_in_core(&core, name), examples, "variants of {name}");
+        assert_eq!(
+            variants_in_core(&core, name),
+            examples,
+            "variants of {name}"
+        );
     }
 }
 
 #[test]
 fn no_arm_is_not_the_first_arm() {
-    let index = |arm| gt_error::from(KinematicsError::OtherBranch { arm }).index;
-    assert_eq!([None, Some(0), Some(2)].map(index), [-1, 0, 2]);
+    for (arm, index) in [(None, -1), (Some(0), 0), (Some(2), 2)] {
+        let error = gt_error::from(KinematicsError::OtherBranch { arm });
+        assert_eq!(error.index, index);
+    }
 }

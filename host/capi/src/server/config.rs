@@ -4,14 +4,19 @@ use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
-use gantry_tau_core::control::session::config::{AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel};
+use gantry_tau_core::control::session::config::{
+    AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel,
+};
 use gantry_tau_core::control::session::{Session, Start};
-use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{
+    Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS,
+};
 
 use super::{GT_BLACK_BOX_NONE, GT_MAX_AXES, GT_MAX_MOTORS};
 use crate::code::gt_code;
 use crate::error::{count, gt_error, gt_parameter};
 use crate::memory::{Reply, resized};
+use crate::padding::padded;
 
 /// Limits of one offset channel: 0 < ramp <= step, step + ramp <= accel, max >= 0.
 /// Units: nm, um/s or per mille of rated torque, by the channel; per tick.
@@ -44,7 +49,8 @@ pub struct gt_axis_config {
     pub nominal_lower_nm: i64,
     /// Upper end.
     pub nominal_upper_nm: i64,
-    /// Range of the drive's reference, lower end, nm. At both ends at least position.max wider than the nominal range.
+    /// Range of the drive's reference, lower end, nm. At both ends at least position.max wider than
+    /// the nominal range.
     pub machine_lower_nm: i64,
     /// Upper end.
     pub machine_upper_nm: i64,
@@ -56,19 +62,23 @@ pub struct gt_axis_config {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_server_config {
-    /// Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are read.
+    /// Number of axes, 3 (L2) or 6 (F1). Of every array per axis, only the first `axes` entries are
+    /// read.
     pub axes: u32,
     /// Number of motors, 1 to GT_MAX_MOTORS.
     pub motors: u32,
-    /// Axis of each motor, counted from 0. Two motors on one cart have the same axis and always receive equal references.
+    /// Axis of each motor, counted from 0. Two motors on one cart have the same axis and always
+    /// receive equal references.
     pub axis_of_motor: [u8; GT_MAX_MOTORS],
-    /// GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: number of ticks kept before and after the end of a session.
+    /// GT_BLACK_BOX_NONE, or GT_BLACK_BOX_TICKS: number of ticks kept before and after the end of a
+    /// session.
     pub black_box_ticks: u32,
     /// Length of a cycle, us. Reported to the client; the library has no clock.
     pub cycle_us: u32,
     /// Ticks that a granted session waits for its first Command; at least 1.
     pub handshake_ticks: u32,
-    /// Checksum of the kinematic parameters, reported to the client: gt_l2_checksum, gt_f1_checksum, or 0.
+    /// Checksum of the kinematic parameters, reported to the client: gt_l2_checksum,
+    /// gt_f1_checksum, or 0.
     pub kinematics_checksum: u32,
     /// Abilities of the server: 0, or 1 for lock-step. A client must have the same.
     pub capabilities: u16,
@@ -111,23 +121,47 @@ pub struct gt_in_force {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_start {
-    /// Values in force at the drives, read back from them. Nonzero offsets ramp to zero before a session is granted.
+    /// Values in force at the drives, read back from them. Nonzero offsets ramp to zero before a
+    /// session is granted.
     pub in_force: [gt_in_force; GT_MAX_AXES],
-    /// First epoch that may be granted. Epochs come from a counter in storage that survives a restart: reserve a range, write the
-    /// counter back, then start the server.
+    /// First epoch that may be granted. Epochs come from a counter in storage that survives a
+    /// restart: reserve a range, write the counter back, then start the server.
     pub first_epoch: u64,
     /// Last epoch of the range; below first_epoch for none. gt_server_set_epochs extends it.
     pub last_epoch: u64,
-    /// Not 0: a stop was asserted before and has not been re-armed. The server then starts in GT_PHASE_FAULT.
+    /// Not 0: a stop was asserted before and has not been re-armed. The server then starts in
+    /// GT_PHASE_FAULT.
     pub stop_latched: u8,
+}
+
+padded! {
+    gt_limits { max step accel ramp }
+    gt_axis_config {
+        position velocity torque nominal_lower_nm nominal_upper_nm machine_lower_nm machine_upper_nm nominal_step_nm
+    }
+    gt_server_config {
+        axes motors axis_of_motor black_box_ticks cycle_us handshake_ticks kinematics_checksum capabilities echo_window
+        budget_window budget_allowed axis
+    }
+    gt_offsets { position_nm velocity_um_s torque_permille }
 }
 
 impl gt_limits {
     /// Limits of a channel that stays at zero.
-    const DISABLED: Self = Self { max: 0, step: 1, accel: 2, ramp: 1 };
+    const DISABLED: Self = Self {
+        max: 0,
+        step: 1,
+        accel: 2,
+        ramp: 1,
+    };
 
     fn checked<U>(self, axis: usize, channel: gt_parameter) -> Reply<Limits<U>> {
-        let values = LimitValues { max: self.max, step: self.step, accel: self.accel, ramp: self.ramp };
+        let values = LimitValues {
+            max: self.max,
+            step: self.step,
+            accel: self.accel,
+            ramp: self.ramp,
+        };
         Limits::new(values).map_err(|error| gt_error::from(error).at(axis).of(channel))
     }
 }
@@ -135,7 +169,12 @@ impl gt_limits {
 impl gt_axis_config {
     /// Position offsets of the thesis; an axis without travel.
     const THESIS: Self = Self {
-        position: gt_limits { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 },
+        position: gt_limits {
+            max: 2_000_000,
+            step: 5_000,
+            accel: 10_000,
+            ramp: 100,
+        },
         velocity: gt_limits::DISABLED,
         torque: gt_limits::DISABLED,
         nominal_lower_nm: 0,
@@ -146,7 +185,6 @@ impl gt_axis_config {
     };
 
     pub(crate) fn checked(&self, axis: usize) -> Reply<AxisConfig> {
-        let travel = |lower, upper| Travel { lower: PositionNm(lower), upper: PositionNm(upper) };
         Ok(AxisConfig {
             limits: AxisLimits {
                 position: self.position.checked(axis, gt_parameter::Position)?,
@@ -191,8 +229,10 @@ impl gt_server_config {
         for (index, (place, axis)) in axes.iter_mut().zip(&self.axis).enumerate() {
             *place = axis.checked(index)?;
         }
-        let budget =
-            (self.budget_window > 0).then_some(MissBudget { window: self.budget_window, allowed: self.budget_allowed });
+        let budget = (self.budget_window > 0).then_some(MissBudget {
+            window: self.budget_window,
+            allowed: self.budget_allowed,
+        });
         let config = Config::new(Parameters {
             cycle_us: self.cycle_us,
             echo_window: self.echo_window,
@@ -231,25 +271,45 @@ impl From<gt_offsets> for Offsets {
 
 impl From<Offsets> for gt_offsets {
     fn from(offsets: Offsets) -> Self {
-        Self { position_nm: offsets.position.0, velocity_um_s: offsets.velocity.0, torque_permille: offsets.torque.0 }
+        Self {
+            position_nm: offsets.position.0,
+            velocity_um_s: offsets.velocity.0,
+            torque_permille: offsets.torque.0,
+        }
     }
 }
 
 impl From<gt_in_force> for InForce {
     fn from(in_force: gt_in_force) -> Self {
-        Self { nominal: PositionNm(in_force.nominal_nm), offsets: in_force.offsets.into() }
+        Self {
+            nominal: PositionNm(in_force.nominal_nm),
+            offsets: in_force.offsets.into(),
+        }
     }
 }
 
 impl gt_start {
     /// Returns the session that starts there.
     pub(crate) fn session<const N: usize>(&self, config: Config<N>) -> Reply<Session<N>> {
-        let start = Start { in_force: in_force(&self.in_force), stop_latched: self.stop_latched != 0 };
+        let start = Start {
+            in_force: in_force(&self.in_force),
+            stop_latched: self.stop_latched != 0,
+        };
         Ok(Session::new(config, &start)?)
     }
 
     pub(super) const fn epochs(&self) -> EpochRange {
-        EpochRange { first: Epoch(self.first_epoch), last: Epoch(self.last_epoch) }
+        EpochRange {
+            first: Epoch(self.first_epoch),
+            last: Epoch(self.last_epoch),
+        }
+    }
+}
+
+const fn travel(lower_nm: i64, upper_nm: i64) -> Travel {
+    Travel {
+        lower: PositionNm(lower_nm),
+        upper: PositionNm(upper_nm),
     }
 }
 

@@ -9,18 +9,25 @@ use gantry_tau_core::units::PositionNm;
 use super::config::{gt_server_config, gt_start};
 use super::tick::{gt_held, gt_tick_input, gt_tick_output};
 use super::{
-    GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_MOTORS, GT_SERVER_SIZE_3, GT_SERVER_SIZE_3_BLACK_BOX,
-    GT_SERVER_SIZE_6, GT_SERVER_SIZE_6_BLACK_BOX, GT_START_WINDOW_NM, gt_server,
+    GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_MOTORS, GT_SERVER_SIZE_3,
+    GT_SERVER_SIZE_3_BLACK_BOX, GT_SERVER_SIZE_6, GT_SERVER_SIZE_6_BLACK_BOX, GT_START_WINDOW_NM,
+    gt_server,
 };
 use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::memory::{Object, Reply, resized, settle, size_of, tag};
 
 /// Ticks before and after an end that a black box keeps.
-#[expect(clippy::as_conversions, reason = "u32 to usize is lossless where this runs; `From` is not const")]
+#[expect(
+    clippy::as_conversions,
+    reason = "u32 to usize is lossless where this runs; `From` is not const"
+)]
 pub(super) const HALF: usize = GT_BLACK_BOX_TICKS as usize;
 /// The same without a black box.
-#[expect(clippy::as_conversions, reason = "u32 to usize is lossless where this runs; `From` is not const")]
+#[expect(
+    clippy::as_conversions,
+    reason = "u32 to usize is lossless where this runs; `From` is not const"
+)]
 pub(super) const NONE: usize = GT_BLACK_BOX_NONE as usize;
 
 /// Core's endpoint, and its black box.
@@ -53,8 +60,8 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         Ok(size_of::<Self>())
     }
 
-    /// Creates a server in memory of the caller, field by field: as one value it would first be on the stack, half a megabyte with its
-    /// black box. (The test `capi` runs with a small stack.)
+    /// Creates a server in memory of the caller, field by field: as one value it would first be on
+    /// the stack, half a megabyte with its black box. (The test `capi` runs with a small stack.)
     ///
     /// # Safety
     /// As [`settle`], for the memory.
@@ -84,14 +91,30 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
     /// References of a cycle in which no tick is run.
     pub(super) fn hold(&self, input: &gt_tick_input) -> gt_held {
         let nominal = resized(&input.nominal_nm, 0).map(PositionNm);
-        gt_held::new(self.endpoint.hold(&nominal, input.elapsed_cycles.max(1)).as_ref(), self.motors)
+        gt_held::new(
+            self.endpoint
+                .hold(&nominal, input.elapsed_cycles.max(1))
+                .as_ref(),
+            self.motors,
+        )
     }
 
-    /// Refuses a first tick whose drives do not stand at what the start said is in force: the first references would be a step.
+    /// Refuses a first tick whose drives do not stand at what the start said is in force: the first
+    /// references would be a step.
     fn agrees_at_the_start(&self, reading: Option<&Reading<N>>) -> Reply {
         let reading = reading.ok_or(gt_code::StartDisagrees)?;
-        for (axis, (in_force, actual)) in self.endpoint.session().demanded().iter().zip(&reading.actual).enumerate() {
-            let reference = in_force.nominal.0.saturating_add(in_force.offsets.position.0.into());
+        for (axis, (in_force, actual)) in self
+            .endpoint
+            .session()
+            .demanded()
+            .iter()
+            .zip(&reading.actual)
+            .enumerate()
+        {
+            let reference = in_force
+                .nominal
+                .0
+                .saturating_add(in_force.offsets.position.0.into());
             let distance_nm = reference.abs_diff(actual.position.0);
             if distance_nm > GT_START_WINDOW_NM {
                 let value = f64::from(u32::try_from(distance_nm).unwrap_or(u32::MAX));
@@ -108,6 +131,10 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         }
         let references = self.endpoint.tick_recorded(&tick, &mut self.black_box);
         let output = self.endpoint.output().ok_or(gt_code::NoObject)?;
-        Ok(gt_tick_output::new(references.as_ref(), output, self.motors))
+        Ok(gt_tick_output::new(
+            references.as_ref(),
+            output,
+            self.motors,
+        ))
     }
 }

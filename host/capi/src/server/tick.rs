@@ -11,6 +11,7 @@ use super::{GT_MAX_AXES, GT_MAX_CONNECTIONS, GT_MAX_MOTORS};
 use crate::code::gt_code;
 use crate::error::{gt_error, gt_parameter, small};
 use crate::memory::{Reply, resized};
+use crate::padding::{padded, without_padding};
 
 const _: () = assert!(GT_MAX_CONNECTIONS == CONNECTIONS, "the constant is core's");
 
@@ -59,29 +60,37 @@ pub const GT_READING_FAILED: u8 = 2;
 
 /// The drives took the references of the last tick. Also the value for the first tick.
 pub const GT_WRITE_ACCEPTED: u8 = 1;
-/// The drives did not take them, which stops; they were read back and have the values of `in_force`.
+/// The drives did not take them, which stops; they were read back and have the values of
+/// `in_force`.
 pub const GT_WRITE_REFUSED: u8 = 2;
 /// The drives did not take them, which stops, and cannot be read back.
 pub const GT_WRITE_UNKNOWN: u8 = 3;
 
-/// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm, last_write.
+/// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm,
+/// last_write.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct gt_tick_input {
-    /// Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts as 1.
+    /// Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts
+    /// as 1.
     pub elapsed_cycles: u32,
-    /// GT_READING_DONE, or GT_READING_FAILED: then the server stops, and the last nominal references stand until the path comes back to them.
+    /// GT_READING_DONE, or GT_READING_FAILED: then the server stops, and the last nominal
+    /// references stand until the path comes back to them.
     pub reading: u8,
     /// The stop at the machine: GT_RELEASED or GT_PRESSED.
     pub stop: u8,
-    /// Not 0: the program is to end, which ramps as a stop does and latches nothing. Hold it until the program ends.
+    /// Not 0: the program is to end, which ramps as a stop does and latches nothing. Hold it until
+    /// the program ends.
     pub quit: u8,
-    /// The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen released in Fault.
+    /// The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen
+    /// released in Fault.
     pub rearm: u8,
-    /// Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or GT_WRITE_UNKNOWN.
+    /// Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or
+    /// GT_WRITE_UNKNOWN.
     pub last_write: u8,
-    /// Time from the departure of the last State to the arrival of the last Command, us; recorded only. 0 without a measurement.
+    /// Time from the departure of the last State to the arrival of the last Command, us; recorded
+    /// only. 0 without a measurement.
     pub arrival_us: u16,
     /// Nominal references of this cycle, nm.
     pub nominal_nm: [i64; GT_MAX_AXES],
@@ -163,7 +172,8 @@ pub enum gt_cause {
     Flood = 10,
     /// No Command followed the Welcome in time.
     HandshakeTimeout = 11,
-    /// Offsets were in force that the server did not expect: at its start, or after a refused write.
+    /// Offsets were in force that the server did not expect: at its start, or after a refused
+    /// write.
     Restart = 12,
     /// A cause without a number of its own here.
     Other = 255,
@@ -245,7 +255,8 @@ pub struct gt_state {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct gt_tick_output {
-    /// Not 0: write `motors` to the drives. 0: the values in force at the drives are unknown, so nothing may be written.
+    /// Not 0: write `motors` to the drives. 0: the values in force at the drives are unknown, so
+    /// nothing may be written.
     pub write: u8,
     /// Number of motors.
     pub motor_count: u32,
@@ -261,11 +272,25 @@ pub struct gt_tick_output {
     pub owner: u64,
     /// Cause of an end of a session, or of a stop, in this tick; GT_CAUSE_NONE without one.
     pub ended: gt_cause,
-    /// Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors are written; it is the `stop_latched` of
-    /// the next start, in this process or a later one.
+    /// Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors
+    /// are written; it is the `stop_latched` of the next start, in this process or a later one.
     pub latched: u8,
     /// State after the tick.
     pub state: gt_state,
+}
+
+without_padding!(gt_phase gt_cause);
+
+padded! {
+    gt_actual { position_nm velocity_um_s torque_permille }
+    gt_reference { position_nm velocity_offset_um_s torque_offset_permille }
+    gt_held { write follows motor_count motors }
+    gt_counters {
+        received missed late duplicate stale malformed out_of_range limited clamped non_owner longest_miss_run
+    }
+    gt_axis_state { nominal_nm offsets shadow actual flags }
+    gt_state { tick epoch accepted phase cause ramp_ticks_left arrival_us on_time_of_100 counters axis_count axes }
+    gt_tick_output { write motor_count motors refused welcomed has_owner owner ended latched state }
 }
 
 /// Reads a switch or button.
@@ -278,7 +303,9 @@ fn pressed(value: u8, field: gt_parameter) -> Reply<bool> {
 }
 
 fn refused(value: u8, field: gt_parameter) -> gt_error {
-    gt_error::new(gt_code::TickInput).of(field).value(value.into())
+    gt_error::new(gt_code::TickInput)
+        .of(field)
+        .value(value.into())
 }
 
 impl gt_tick_input {
@@ -298,7 +325,9 @@ impl gt_tick_input {
             rearm: pressed(self.rearm, gt_parameter::Rearm)?,
             last_write: match self.last_write {
                 GT_WRITE_ACCEPTED => LastWrite::Accepted,
-                GT_WRITE_REFUSED => LastWrite::Refused { in_force: in_force(&self.in_force) },
+                GT_WRITE_REFUSED => LastWrite::Refused {
+                    in_force: in_force(&self.in_force),
+                },
                 GT_WRITE_UNKNOWN => LastWrite::Unknown,
                 other => return Err(refused(other, gt_parameter::LastWrite)),
             },
@@ -320,9 +349,16 @@ impl gt_held {
 }
 
 /// References of the `motors` motors in use; the other places are zero.
-fn places(references: Option<&[Reference; GT_MAX_MOTORS]>, motors: usize) -> [gt_reference; GT_MAX_MOTORS] {
+fn places(
+    references: Option<&[Reference; GT_MAX_MOTORS]>,
+    motors: usize,
+) -> [gt_reference; GT_MAX_MOTORS] {
     let mut places = [gt_reference::default(); GT_MAX_MOTORS];
-    for (to, from) in places.iter_mut().zip(references.into_iter().flatten()).take(motors) {
+    for (to, from) in places
+        .iter_mut()
+        .zip(references.into_iter().flatten())
+        .take(motors)
+    {
         *to = (*from).into();
     }
     places
@@ -362,7 +398,11 @@ impl From<gt_actual> for Actual {
 
 impl From<Actual> for gt_actual {
     fn from(actual: Actual) -> Self {
-        Self { position_nm: actual.position.0, velocity_um_s: actual.velocity.0, torque_permille: actual.torque.0 }
+        Self {
+            position_nm: actual.position.0,
+            velocity_um_s: actual.velocity.0,
+            torque_permille: actual.torque.0,
+        }
     }
 }
 

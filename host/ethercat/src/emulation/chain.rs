@@ -11,15 +11,17 @@ const DATAGRAM_HEADER: usize = 10;
 /// EtherType.
 const ETHERCAT: [u8; 2] = [0x88, 0xA4];
 /// Longest datagram, bytes.
-const LONGEST: usize = 1_500;
+const MAX_DATAGRAM: usize = 1_500;
 
 /// Machine behind the drives.
 pub trait Process: Send {
-    /// Runs one millisecond: motors that are enabled follow their references, the others are held by their brakes.
+    /// Runs one millisecond: motors that are enabled follow their references, the others are held
+    /// by their brakes.
     fn step(&mut self, drives: &mut [SubDevice]);
 }
 
-/// Motors that close in on their references, half of the way in each step: enough where no machine is behind them.
+/// Motors that close in on their references, half of the way in each step: enough where no machine
+/// is behind them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Kinematic;
 
@@ -28,14 +30,18 @@ impl Process for Kinematic {
         for subdevice in drives {
             let motor = subdevice.drive_mut().motor_mut();
             let way = motor.reference - motor.position;
-            let step = if motor.is_enabled { (way + way.signum()) / 2 } else { 0 };
+            let step = if motor.is_enabled {
+                (way + way.signum()) / 2
+            } else {
+                0
+            };
             motor.position += step;
             motor.velocity = (step * 1_000).clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         }
     }
 }
 
-/// A chain of drives. Time is what it is told: nothing happens between two calls.
+/// A chain of drives. Its time is given by the caller: nothing happens between two calls.
 #[derive(Clone, Debug)]
 pub struct Chain<P> {
     subdevices: Vec<SubDevice>,
@@ -52,8 +58,14 @@ impl<P: Process> Chain<P> {
     /// Creates drives that have just been powered.
     pub fn new(drives: &[DriveSetup], process: P) -> Self {
         let subdevices = drives.iter().map(SubDevice::new).collect();
-        let mut chain =
-            Self { subdevices, process, now_us: 0, step_us: STEP_US, reached: drives.len(), bypassed: None };
+        let mut chain = Self {
+            subdevices,
+            process,
+            now_us: 0,
+            step_us: STEP_US,
+            reached: drives.len(),
+            bypassed: None,
+        };
         chain.set_ports();
         chain
     }
@@ -131,16 +143,22 @@ impl<P: Process> Chain<P> {
         }
         self.now_us = self.now_us.max(now_us);
         let now_us = self.now_us;
-        self.subdevices.iter_mut().for_each(|subdevice| subdevice.advance_to(now_us));
+        self.subdevices
+            .iter_mut()
+            .for_each(|subdevice| subdevice.advance_to(now_us));
     }
 
-    /// Passes a frame through the chain and back, in place; the time goes on by its way. False if it is none of EtherCAT, or broken.
+    /// Passes a frame through the chain and back, in place; the time goes on by its way. False if
+    /// it is not of EtherCAT, or broken.
     pub fn pass(&mut self, frame: &mut [u8]) -> bool {
         self.advance_to(self.now_us + FRAME_US);
         if frame.get(12..14) != Some(&ETHERCAT) || self.reached == 0 {
             return false;
         }
-        let header = frame.get(14..16).and_then(|bytes| bytes.try_into().ok()).map_or(0, u16::from_le_bytes);
+        let header = frame
+            .get(14..16)
+            .and_then(|bytes| bytes.try_into().ok())
+            .map_or(0, u16::from_le_bytes);
         let end = FRAME_HEADER + usize::from(header & 0x07FF);
         // The first SubDevice marks the source address as locally administered.
         if let Some(source) = frame.get_mut(6) {
@@ -148,7 +166,9 @@ impl<P: Process> Chain<P> {
         }
         let mut at = FRAME_HEADER;
         while let Some(datagram) = frame.get_mut(at..end) {
-            let Some((length, is_last)) = self.datagram(datagram) else { return false };
+            let Some((length, is_last)) = self.datagram(datagram) else {
+                return false;
+            };
             at += length;
             if is_last {
                 return true;
@@ -159,7 +179,6 @@ impl<P: Process> Chain<P> {
 
     /// Executes a datagram. Returns its length and true for the last one; `None` if it is broken.
     fn datagram(&mut self, bytes: &mut [u8]) -> Option<(usize, bool)> {
-        let word = |bytes: &[u8], at: usize| Some(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?));
         let command = *bytes.first()?;
         let (mut address, offset) = (word(bytes, 2)?, word(bytes, 4)?);
         let flags = word(bytes, 6)?;
@@ -183,9 +202,16 @@ impl<P: Process> Chain<P> {
             }
         }
         bytes.get_mut(2..4)?.copy_from_slice(&address.to_le_bytes());
-        bytes.get_mut(end..end + 2)?.copy_from_slice(&counter.to_le_bytes());
+        bytes
+            .get_mut(end..end + 2)?
+            .copy_from_slice(&counter.to_le_bytes());
         Some((end + 2, flags & 0x8000 == 0))
     }
+}
+
+/// Word at a place of a datagram.
+fn word(bytes: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?))
 }
 
 /// Executes a command at one SubDevice. Returns what the working counter grows by.
@@ -214,8 +240,10 @@ fn execute(
 
 /// Reads into the datagram by a logical or, as broadcasts do.
 fn read_broadcast(subdevice: &mut SubDevice, offset: u16, data: &mut [u8]) -> u16 {
-    let mut room = [0_u8; LONGEST];
-    let Some(own) = room.get_mut(..data.len()) else { return 0 };
+    let mut room = [0_u8; MAX_DATAGRAM];
+    let Some(own) = room.get_mut(..data.len()) else {
+        return 0;
+    };
     let was_read = subdevice.read(offset, own);
     for (byte, own) in data.iter_mut().zip(own) {
         *byte |= *own;
@@ -224,10 +252,15 @@ fn read_broadcast(subdevice: &mut SubDevice, offset: u16, data: &mut [u8]) -> u1
 }
 
 fn read_and_write(subdevice: &mut SubDevice, offset: u16, data: &mut [u8], broadcast: bool) -> u16 {
-    let mut room = [0_u8; LONGEST];
-    let Some(sent) = room.get_mut(..data.len()) else { return 0 };
+    let mut room = [0_u8; MAX_DATAGRAM];
+    let Some(sent) = room.get_mut(..data.len()) else {
+        return 0;
+    };
     sent.copy_from_slice(data);
-    let was_read =
-        if broadcast { read_broadcast(subdevice, offset, data) } else { subdevice.read(offset, data).into() };
+    let was_read = if broadcast {
+        read_broadcast(subdevice, offset, data)
+    } else {
+        subdevice.read(offset, data).into()
+    };
     was_read + if subdevice.write(offset, sent) { 2 } else { 0 }
 }

@@ -93,9 +93,10 @@ pub struct Drive {
     /// Steps in the present state.
     steps: u32,
     control: u16,
-    /// Error code of the last fault, 0 after its reset; 603Fh shows it where the drive has the object.
+    /// Error code of the last fault, 0 after its reset; 603Fh shows it where the drive has the
+    /// object.
     error: i32,
-    /// Mode of its own, whatever 6060h asks for.
+    /// Mode that the drive keeps, regardless of 6060h.
     forced_mode: Option<i8>,
     /// Process data is valid: the SubDevice is in OP.
     is_operational: bool,
@@ -148,9 +149,8 @@ impl Drive {
         ];
         let mut present = entries(&rows);
         present.retain(|entry| !setup.missing.contains(&entry.index));
-        let mapped = |index, bits| Mapped { index, sub: 0, bits };
-        let outputs = [mapped(0x6040, 16), mapped(0x607A, 32)];
-        let inputs = [mapped(0x6041, 16), mapped(0x6064, 32)];
+        let outputs = [Mapped::whole(0x6040, 16), Mapped::whole(0x607A, 32)];
+        let inputs = [Mapped::whole(0x6041, 16), Mapped::whole(0x6064, 32)];
         let position = setup.position.into();
         Self {
             objects: Objects::new(present),
@@ -220,15 +220,17 @@ impl Drive {
         self.objects.remove(index);
     }
 
-    /// Returns the largest change of the reference of the position loop from one step to the next, counts, since the last call;
-    /// enabling counts as a change from the position at which the motor stood.
+    /// Returns the largest change of the reference of the position loop from one step to the next,
+    /// counts, since the last call; enabling counts as a change from the position at which the
+    /// motor stood.
     pub const fn take_largest_step(&mut self) -> i64 {
         let largest = self.largest_step;
         self.largest_step = 0;
         largest
     }
 
-    /// Keeps the drive in a mode of operation, as a parameter of its vendor would: it ignores 6060h, and can be enabled. `None` ends it.
+    /// Keeps the drive in a mode of operation, as a parameter of its vendor would: it ignores
+    /// 6060h, and can be enabled. `None` ends it.
     pub const fn force_mode(&mut self, mode: Option<i8>) {
         self.forced_mode = mode;
     }
@@ -238,7 +240,8 @@ impl Drive {
         self.fail(ERROR_FORCED);
     }
 
-    /// Says whether process data is valid. A drive that leaves OP while it has power brakes, and is in fault.
+    /// Says whether process data is valid. A drive that leaves OP while it has power brakes, and is
+    /// in fault.
     pub(super) fn set_operational(&mut self, operational: bool) {
         if self.is_operational && !operational && self.has_torque() {
             self.fail(ERROR_BUS);
@@ -250,15 +253,25 @@ impl Drive {
     }
 
     const fn has_torque(&self) -> bool {
-        matches!(self.state, PowerState::OperationEnabled | PowerState::QuickStopActive)
+        matches!(
+            self.state,
+            PowerState::OperationEnabled | PowerState::QuickStopActive
+        )
     }
 
     fn fail(&mut self, code: i32) {
-        if matches!(self.state, PowerState::Fault | PowerState::FaultReactionActive) {
+        if matches!(
+            self.state,
+            PowerState::Fault | PowerState::FaultReactionActive
+        ) {
             return;
         }
         self.set_error(code);
-        let next = if self.has_torque() { PowerState::FaultReactionActive } else { PowerState::Fault };
+        let next = if self.has_torque() {
+            PowerState::FaultReactionActive
+        } else {
+            PowerState::Fault
+        };
         self.enter(next);
     }
 
@@ -300,11 +313,19 @@ impl Drive {
         // The mains are on in every state; remote.
         let always = 0x0010 | 0x0200;
         let follows = self.state == PowerState::OperationEnabled && self.mode() == CSP;
-        of_state | always | if follows { 0x1000 } else { 0 } | if self.error == ERROR_FOLLOWING { 0x2000 } else { 0 }
+        of_state
+            | always
+            | if follows { 0x1000 } else { 0 }
+            | if self.error == ERROR_FOLLOWING {
+                0x2000
+            } else {
+                0
+            }
     }
 
     fn mode(&self) -> i32 {
-        self.forced_mode.map_or_else(|| self.objects.get(0x6060, 0), i32::from)
+        self.forced_mode
+            .map_or_else(|| self.objects.get(0x6060, 0), i32::from)
     }
 
     fn may_be_enabled(&self) -> bool {
@@ -314,7 +335,11 @@ impl Drive {
     /// Runs the state machine and the generator of the loop's reference for one step.
     pub(super) fn command(&mut self) {
         self.steps = self.steps.saturating_add(1);
-        let control = if self.is_operational { self.objects.get(0x6040, 0) as u16 } else { 0 };
+        let control = if self.is_operational {
+            self.objects.get(0x6040, 0) as u16
+        } else {
+            0
+        };
         let is_reset = control & 0x80 != 0 && self.control & 0x80 == 0;
         self.control = control;
         if let Some(next) = self.next_state(control, is_reset) {
@@ -340,10 +365,14 @@ impl Drive {
             S::SwitchOnDisabled if shutdown => S::ReadyToSwitchOn,
             S::ReadyToSwitchOn if disable_voltage || quick_stop => S::SwitchOnDisabled,
             S::ReadyToSwitchOn if switch_on && powered_long_enough => S::SwitchedOn,
-            S::SwitchedOn | S::OperationEnabled | S::QuickStopActive if disable_voltage => S::SwitchOnDisabled,
+            S::SwitchedOn | S::OperationEnabled | S::QuickStopActive if disable_voltage => {
+                S::SwitchOnDisabled
+            }
             S::SwitchedOn if quick_stop => S::SwitchOnDisabled,
             S::SwitchedOn if shutdown => S::ReadyToSwitchOn,
-            S::SwitchedOn if enable && self.may_be_enabled() && powered_long_enough => S::OperationEnabled,
+            S::SwitchedOn if enable && self.may_be_enabled() && powered_long_enough => {
+                S::OperationEnabled
+            }
             S::OperationEnabled if quick_stop => S::QuickStopActive,
             S::OperationEnabled if shutdown => S::ReadyToSwitchOn,
             S::OperationEnabled if switch_on && !enable => S::SwitchedOn,
@@ -359,13 +388,16 @@ impl Drive {
         let motor = &mut self.motor;
         motor.is_enabled = matches!(
             self.state,
-            PowerState::OperationEnabled | PowerState::QuickStopActive | PowerState::FaultReactionActive
+            PowerState::OperationEnabled
+                | PowerState::QuickStopActive
+                | PowerState::FaultReactionActive
         );
         if self.state == PowerState::OperationEnabled {
             motor.position_offset = self.objects.get(0x60B0, 0);
             motor.velocity_offset = self.objects.get(0x60B1, 0);
             motor.torque_offset = self.objects.get(0x60B2, 0) as i16;
-            motor.reference = i64::from(self.objects.get(0x607A, 0)) + i64::from(motor.position_offset);
+            motor.reference =
+                i64::from(self.objects.get(0x607A, 0)) + i64::from(motor.position_offset);
             let from = self.followed.unwrap_or(motor.position);
             self.velocity = motor.reference - from;
             self.largest_step = self.largest_step.max(self.velocity.abs());
@@ -387,14 +419,19 @@ impl Drive {
     /// Takes note of what the process did to the motor.
     pub(super) fn measure(&mut self) {
         let motor = self.motor;
-        let position = (motor.position + motor.pushed).clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let position =
+            (motor.position + motor.pushed).clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         self.objects.set(0x6064, 0, position);
         self.objects.set(0x606C, 0, motor.velocity);
         self.objects.set(0x6077, 0, motor.torque.into());
         self.objects.set(0x6041, 0, self.status().into());
         let window = i64::from(self.objects.get(0x6065, 0) as u32);
         let is_outside = motor.is_enabled && (motor.reference - motor.position).abs() > window;
-        self.outside_steps = if is_outside { self.outside_steps.saturating_add(1) } else { 0 };
+        self.outside_steps = if is_outside {
+            self.outside_steps.saturating_add(1)
+        } else {
+            0
+        };
         if self.outside_steps > (self.objects.get(0x6066, 0) as u16).into() {
             self.fail(ERROR_FOLLOWING);
         }
@@ -411,10 +448,20 @@ impl Drive {
     }
 
     /// Downloads an object; mapping and assignment in PRE-OP only.
-    pub(super) fn download(&mut self, index: u16, sub: u8, bytes: &[u8], is_pre_op: bool) -> Result<(), u32> {
+    pub(super) fn download(
+        &mut self,
+        index: u16,
+        sub: u8,
+        bytes: &[u8],
+        is_pre_op: bool,
+    ) -> Result<(), u32> {
         for pdo in [&mut self.outputs, &mut self.inputs] {
             if pdo.owns(index) {
-                return if is_pre_op { pdo.download(index, sub, bytes, &self.objects) } else { Err(abort::STATE) };
+                return if is_pre_op {
+                    pdo.download(index, sub, bytes, &self.objects)
+                } else {
+                    Err(abort::STATE)
+                };
             }
         }
         self.objects.download(index, sub, bytes)

@@ -1,4 +1,5 @@
-//! Mailbox of an emulated drive: CoE with expedited transfers, and normal uploads of what is longer.
+//! Mailbox of an emulated drive: CoE with expedited transfers, and normal uploads of what is
+//! longer.
 
 use super::drive::Drive;
 use super::objects::abort;
@@ -10,26 +11,41 @@ const COE: u8 = 3;
 const ERROR: u8 = 0;
 
 /// Answers a request. `None` for one that a SubDevice ignores: a repeated one.
-pub(super) fn answer(drive: &mut Drive, request: &[u8], last_counter: &mut u8, is_pre_op: bool) -> Option<Vec<u8>> {
-    let at = |index: usize| request.get(index).copied().unwrap_or(0);
-    let counter = at(5) >> 4 & 7;
+pub(super) fn answer(
+    drive: &mut Drive,
+    request: &[u8],
+    last_counter: &mut u8,
+    is_pre_op: bool,
+) -> Option<Vec<u8>> {
+    let counter = byte(request, 5) >> 4 & 7;
     if counter != 0 && counter == *last_counter {
         return None;
     }
     *last_counter = counter;
-    let length = usize::from(u16::from_le_bytes([at(0), at(1)]));
-    let is_sdo_request = at(7) >> 4 == 2;
-    if at(5) & 0x0F != COE || length < 10 || length + 6 > request.len() || !is_sdo_request {
+    let length = usize::from(u16::from_le_bytes([byte(request, 0), byte(request, 1)]));
+    let is_sdo_request = byte(request, 7) >> 4 == 2;
+    if byte(request, 5) & 0x0F != COE
+        || length < 10
+        || length + 6 > request.len()
+        || !is_sdo_request
+    {
         // Unsupported protocol: an error reply of the mailbox.
         return Some(mailbox(ERROR, counter, &[1, 0, 2, 0]));
     }
-    let (command, index, sub) = (at(8), u16::from_le_bytes([at(9), at(10)]), at(11));
+    let command = byte(request, 8);
+    let index = u16::from_le_bytes([byte(request, 9), byte(request, 10)]);
+    let sub = byte(request, 11);
     let payload = request.get(HEADERS..HEADERS + 4).unwrap_or(&[]);
     let body = match respond(drive, command, index, sub, payload, is_pre_op) {
         Ok(body) => body,
         Err(code) => body(0x80, index, sub, &code.to_le_bytes()),
     };
     Some(mailbox(COE, counter, &body))
+}
+
+/// Byte of a request; 0 beyond its end.
+fn byte(request: &[u8], index: usize) -> u8 {
+    request.get(index).copied().unwrap_or(0)
 }
 
 fn respond(
@@ -57,7 +73,12 @@ fn respond(
         // Download: expedited, with its size.
         1 if command & 0x03 == 0x03 => {
             let length = 4 - usize::from(command >> 2 & 3);
-            drive.download(index, sub, payload.get(..length).ok_or(abort::LENGTH)?, is_pre_op)?;
+            drive.download(
+                index,
+                sub,
+                payload.get(..length).ok_or(abort::LENGTH)?,
+                is_pre_op,
+            )?;
             Ok(body(0x60, index, sub, &[0; 4]))
         }
         _ => Err(abort::COMMAND),

@@ -27,8 +27,14 @@ pub(super) mod register {
 }
 
 /// Ranges that a MainDevice cannot write.
-const READ_ONLY: [std::ops::Range<u16>; 6] =
-    [0x0000..0x0010, 0x0012..0x0014, 0x0110..0x0112, 0x0130..0x0140, 0x0440..0x0444, 0x0F00..0x1000];
+const READ_ONLY: [std::ops::Range<u16>; 6] = [
+    0x0000..0x0010,
+    0x0012..0x0014,
+    0x0110..0x0112,
+    0x0130..0x0140,
+    0x0440..0x0444,
+    0x0F00..0x1000,
+];
 
 /// Bytes of a SubDevice, little-endian.
 #[derive(Clone, Debug)]
@@ -70,7 +76,9 @@ impl Memory {
     }
 
     pub(super) fn u8(&self, address: u16) -> u8 {
-        self.bytes(address, 1).and_then(|bytes| bytes.first().copied()).unwrap_or(0)
+        self.bytes(address, 1)
+            .and_then(|bytes| bytes.first().copied())
+            .unwrap_or(0)
     }
 
     pub(super) fn u16(&self, address: u16) -> u16 {

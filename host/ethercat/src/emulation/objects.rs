@@ -56,11 +56,15 @@ impl Objects {
     }
 
     pub(super) fn find(&self, index: u16, sub: u8) -> Option<&Entry> {
-        self.0.iter().find(|entry| entry.index == index && entry.sub == sub)
+        self.0
+            .iter()
+            .find(|entry| entry.index == index && entry.sub == sub)
     }
 
     fn find_mut(&mut self, index: u16, sub: u8) -> Option<&mut Entry> {
-        self.0.iter_mut().find(|entry| entry.index == index && entry.sub == sub)
+        self.0
+            .iter_mut()
+            .find(|entry| entry.index == index && entry.sub == sub)
     }
 
     /// Returns an object's value, or 0 where it is missing.
@@ -85,14 +89,22 @@ impl Objects {
 
     /// Returns the bytes of an entry.
     pub(super) fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
-        let missing = if self.has(index) { abort::NO_SUBINDEX } else { abort::NO_OBJECT };
+        let missing = if self.has(index) {
+            abort::NO_SUBINDEX
+        } else {
+            abort::NO_OBJECT
+        };
         let entry = self.find(index, sub).ok_or(missing)?;
         Ok((entry.value.to_le_bytes(), entry.bytes()))
     }
 
     /// Takes the bytes of an entry, if their number is right and the entry may be written.
     pub(super) fn download(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
-        let missing = if self.has(index) { abort::NO_SUBINDEX } else { abort::NO_OBJECT };
+        let missing = if self.has(index) {
+            abort::NO_SUBINDEX
+        } else {
+            abort::NO_OBJECT
+        };
         let entry = self.find_mut(index, sub).ok_or(missing)?;
         if !entry.writable {
             return Err(abort::READ_ONLY);
@@ -100,20 +112,26 @@ impl Objects {
         if bytes.len() != entry.bytes() {
             return Err(abort::LENGTH);
         }
-        entry.value = bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
+        entry.value = bytes
+            .iter()
+            .rev()
+            .fold(0, |value, byte| value << 8 | u32::from(*byte));
         Ok(())
     }
 }
 
 /// Entries that every drive of this emulation has: index, sub-index, bits, writable, value.
 pub(super) fn entries(rows: &[(u16, u8, u8, bool, Mappable, i64)]) -> Vec<Entry> {
-    let entry = |&(index, sub, bits, writable, mappable, value): &(u16, u8, u8, bool, Mappable, i64)| Entry {
-        index,
-        sub,
-        bits,
-        writable,
-        mappable,
-        value: value as u32,
-    };
+    let entry =
+        |&(index, sub, bits, writable, mappable, value): &(u16, u8, u8, bool, Mappable, i64)| {
+            Entry {
+                index,
+                sub,
+                bits,
+                writable,
+                mappable,
+                value: value as u32,
+            }
+        };
     rows.iter().map(entry).collect()
 }

@@ -24,21 +24,29 @@ pub struct Identity {
 /// Returns the EEPROM of a drive.
 pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: bool) -> Vec<u8> {
     let mut words = [0_u16; 0x40];
-    let mut put = |at: usize, values: &[u16]| {
-        for (place, value) in words.iter_mut().skip(at).zip(values) {
-            *place = *value;
-        }
-    };
-    put(0x00, &[0x0080, 0x0E00, 0, 0, alias]);
-    for (at, value) in
-        [(0x08, identity.vendor), (0x0A, identity.product), (0x0C, identity.revision), (0x0E, identity.serial)]
-    {
-        put(at, &[value as u16, (value >> 16) as u16]);
+    put(&mut words, 0x00, &[0x0080, 0x0E00, 0, 0, alias]);
+    for (at, value) in [
+        (0x08, identity.vendor),
+        (0x0A, identity.product),
+        (0x0C, identity.revision),
+        (0x0E, identity.serial),
+    ] {
+        put(&mut words, at, &[value as u16, (value >> 16) as u16]);
     }
     // Standard mailboxes, and CoE as the only protocol.
-    put(0x18, &[MAILBOX_OUT.0, MAILBOX_OUT.1, MAILBOX_IN.0, MAILBOX_IN.1, 0x0004]);
+    put(
+        &mut words,
+        0x18,
+        &[
+            MAILBOX_OUT.0,
+            MAILBOX_OUT.1,
+            MAILBOX_IN.0,
+            MAILBOX_IN.1,
+            0x0004,
+        ],
+    );
     // 2 KiB less one kilobit; version.
-    put(0x3E, &[0x000F, 1]);
+    put(&mut words, 0x3E, &[0x000F, 1]);
     let mut bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
     let checksum = checksum(bytes.get(..14).unwrap_or(&[]));
     if let Some(place) = bytes.get_mut(14) {
@@ -53,7 +61,11 @@ pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: 
     category(&mut bytes, 30, &general);
     // Outputs, inputs, state of the mailbox, and none.
     category(&mut bytes, 40, &[1, 2, 3, 0]);
-    let outputs_control = if has_watchdog { CONTROL[2] } else { CONTROL[2] & !0x40 };
+    let outputs_control = if has_watchdog {
+        CONTROL[2]
+    } else {
+        CONTROL[2] & !0x40
+    };
     let sync_managers: [(u16, u16, u8, u8); 4] = [
         (MAILBOX_OUT.0, MAILBOX_OUT.1, CONTROL[0], 1),
         (MAILBOX_IN.0, MAILBOX_IN.1, CONTROL[1], 2),
@@ -71,6 +83,13 @@ pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: 
     bytes
 }
 
+/// Writes words from a place on.
+fn put(words: &mut [u16], at: usize, values: &[u16]) {
+    for (place, value) in words.iter_mut().skip(at).zip(values) {
+        *place = *value;
+    }
+}
+
 /// Appends a category, filled up to whole words.
 fn category(bytes: &mut Vec<u8>, kind: u16, content: &[u8]) {
     let words = content.len().div_ceil(2);
@@ -83,7 +102,13 @@ fn category(bytes: &mut Vec<u8>, kind: u16, content: &[u8]) {
 /// CRC-8 of the configuration area, polynomial 07h, start FFh.
 fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0xFF, |crc, byte| {
-        (0..8).fold(crc ^ byte, |crc, _| if crc & 0x80 != 0 { crc << 1 ^ 0x07 } else { crc << 1 })
+        (0..8).fold(crc ^ byte, |crc, _| {
+            if crc & 0x80 != 0 {
+                crc << 1 ^ 0x07
+            } else {
+                crc << 1
+            }
+        })
     })
 }
 
@@ -99,14 +124,25 @@ mod tests {
 
     #[test]
     fn categories_follow_each_other_to_the_end() {
-        let identity = Identity { vendor: 1, product: 2, revision: 3, serial: 4 };
+        let identity = Identity {
+            vendor: 1,
+            product: 2,
+            revision: 3,
+            serial: 4,
+        };
         let bytes = eeprom(&identity, 0x1234, "drive", true);
-        let word = |at: usize| u16::from_le_bytes([bytes[at * 2], bytes[at * 2 + 1]]);
-        assert_eq!([word(4), word(8), word(10), word(0x1C)], [0x1234, 1, 2, 4]);
+        let words: Vec<u16> = bytes
+            .chunks_exact(2)
+            .map(|word| u16::from_le_bytes([word[0], word[1]]))
+            .collect();
+        assert_eq!(
+            [words[4], words[8], words[10], words[0x1C]],
+            [0x1234, 1, 2, 4]
+        );
         let (mut at, mut kinds) = (0x40, Vec::new());
-        while word(at) != 0xFFFF {
-            kinds.push(word(at));
-            at += 2 + usize::from(word(at + 1));
+        while words[at] != 0xFFFF {
+            kinds.push(words[at]);
+            at += 2 + usize::from(words[at + 1]);
         }
         assert_eq!(kinds, [10, 30, 40, 41]);
     }

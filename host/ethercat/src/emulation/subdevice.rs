@@ -1,4 +1,5 @@
-//! One SubDevice: its controller's registers, its state machine, its mailbox, and the drive behind them.
+//! One SubDevice: its controller's registers, its state machine, its mailbox, and the drive behind
+//! them.
 
 use super::drive::{Drive, DriveSetup};
 use super::mailbox;
@@ -52,17 +53,22 @@ pub struct SubDevice {
     request: Option<(u8, u64)>,
     /// Address in the EEPROM, and when its words are there.
     eeprom_read: Option<(u32, u64)>,
-    /// When the request in the mailbox is answered.
+    /// Time at which the request in the mailbox is answered.
     mailbox_due_us: Option<u64>,
     mailbox_counter: u8,
-    /// When outputs were written last.
+    /// Time of the last outputs.
     outputs_us: Option<u64>,
 }
 
 impl SubDevice {
     pub(super) fn new(setup: &DriveSetup) -> Self {
         let drive = Drive::new(setup);
-        let eeprom = sii::eeprom(&setup.identity, setup.alias, drive.name(), setup.has_watchdog);
+        let eeprom = sii::eeprom(
+            &setup.identity,
+            setup.alias,
+            drive.name(),
+            setup.has_watchdog,
+        );
         let mut this = Self {
             memory: Memory::new(),
             eeprom,
@@ -78,8 +84,12 @@ impl SubDevice {
             mailbox_counter: 0,
             outputs_us: None,
         };
-        // Type, revision, build; FMMUs, sync managers, 8 KiB of RAM, two ports of MII; no distributed clocks.
-        this.memory.set(0x0000, &[0x11, 0, 1, 0, FMMUS, SYNC_MANAGERS, 8, 0x0F, 0, 0]);
+        // Type, revision, build; FMMUs, sync managers, 8 KiB of RAM, two ports of MII; no
+        // distributed clocks.
+        this.memory.set(
+            0x0000,
+            &[0x11, 0, 1, 0, FMMUS, SYNC_MANAGERS, 8, 0x0F, 0, 0],
+        );
         this.memory.set_u16(register::STATION_ALIAS, setup.alias);
         // 100 µs by 2500 times 40 ns, and EtherCAT's 100 ms.
         this.memory.set_u16(register::WATCHDOG_DIVIDER, 2_498);
@@ -106,7 +116,8 @@ impl SubDevice {
         self.state == al::OP && !self.error
     }
 
-    /// Leaves its state by itself, with a code of its application: the next best state that needs no outputs.
+    /// Leaves its state by itself, with a code of its application: the next best state that needs
+    /// no outputs.
     pub fn fail(&mut self, code: u16) {
         if self.state == al::OP {
             self.leave_op(al::SAFE_OP, code);
@@ -121,14 +132,27 @@ impl SubDevice {
     /// Says whether writes to the watchdog's time are taken, and whether the outputs trigger it.
     pub fn set_watchdog(&mut self, is_writable: bool, has_watchdog: bool) {
         (self.setup.watchdog_is_writable, self.setup.has_watchdog) = (is_writable, has_watchdog);
-        self.eeprom = sii::eeprom(&self.setup.identity, self.setup.alias, self.drive.name(), has_watchdog);
+        self.eeprom = sii::eeprom(
+            &self.setup.identity,
+            self.setup.alias,
+            self.drive.name(),
+            has_watchdog,
+        );
     }
 
-    /// Takes the power away and gives it again: the motor stays where it is, and everything that was configured is lost.
+    /// Takes the power away and gives it again: the motor stays where it is, and everything that
+    /// was configured is lost.
     pub fn power_cycle(&mut self) {
-        let position = self.drive.motor().position.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let position = self
+            .drive
+            .motor()
+            .position
+            .clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         let has_next = self.memory.u16(register::DL_STATUS) & 0x0020 != 0;
-        let mut again = Self::new(&DriveSetup { position, ..self.setup.clone() });
+        let mut again = Self::new(&DriveSetup {
+            position,
+            ..self.setup.clone()
+        });
         again.now_us = self.now_us;
         again.set_ports(has_next);
         *self = again;
@@ -136,8 +160,13 @@ impl SubDevice {
 
     /// Tells which of the ports have a neighbour.
     pub(super) fn set_ports(&mut self, has_next: bool) {
-        // Links of ports 0 and 1; port 0 open with a signal; port 1 likewise or closed; ports 2 and 3 closed.
-        let status: u16 = if has_next { 0x0030 | 0x5A00 } else { 0x0010 | 0x5600 };
+        // Links of ports 0 and 1; port 0 open with a signal; port 1 the same, or closed; ports 2
+        // and 3 closed.
+        let status: u16 = if has_next {
+            0x0030 | 0x5A00
+        } else {
+            0x0010 | 0x5600
+        };
         self.memory.set_u16(register::DL_STATUS, status | 1);
     }
 
@@ -148,9 +177,15 @@ impl SubDevice {
             self.decide(state);
         }
         if let Some((address, _)) = self.eeprom_read.take_if(|(_, due)| *due <= now_us) {
-            let start = usize::try_from(address).unwrap_or(usize::MAX).saturating_mul(2);
-            let word = |at: usize| self.eeprom.get(start.saturating_add(at)).copied().unwrap_or(0xFF);
-            let data = [word(0), word(1), word(2), word(3)];
+            let start = usize::try_from(address)
+                .unwrap_or(usize::MAX)
+                .saturating_mul(2);
+            let data = [0, 1, 2, 3].map(|at| {
+                self.eeprom
+                    .get(start.saturating_add(at))
+                    .copied()
+                    .unwrap_or(0xFF)
+            });
             self.memory.set(register::SII_DATA, &data);
             self.memory.set_u16(register::SII_CONTROL, 0);
         }
@@ -158,7 +193,9 @@ impl SubDevice {
             self.answer_mailbox();
         }
         let watchdog_us = self.watchdog_us();
-        let is_late = self.outputs_us.is_some_and(|at| self.now_us.saturating_sub(at) > watchdog_us);
+        let is_late = self
+            .outputs_us
+            .is_some_and(|at| self.now_us.saturating_sub(at) > watchdog_us);
         if self.state == al::OP && watchdog_us > 0 && is_late {
             self.memory.set_u16(register::WATCHDOG_STATUS, 0);
             let count = self.memory.u8(register::WATCHDOG_COUNTER).saturating_add(1);
@@ -211,12 +248,15 @@ impl SubDevice {
         }
     }
 
+    /// True if a SyncManager has this start, length and control, the watchdog's bit aside.
+    fn is_configured(&self, index: u8, start: u16, length: u16, control: u8) -> bool {
+        let sm = SyncManager::read(&self.memory, index);
+        sm.enabled == (length > 0)
+            && (sm.start, sm.length, sm.control | 0x40) == (start, length, control | 0x40)
+    }
+
     /// Returns the code by which a state is refused.
     fn refusal(&self, requested: u8) -> Option<u16> {
-        let is_configured = |index, start, length, control| {
-            let sm = SyncManager::read(&self.memory, index);
-            sm.enabled == (length > 0) && (sm.start, sm.length, sm.control | 0x40) == (start, length, control | 0x40)
-        };
         let (out, back) = (sii::MAILBOX_OUT, sii::MAILBOX_IN);
         if let Some((_, code)) = self.refuses.filter(|(state, _)| *state == requested) {
             return Some(code);
@@ -225,15 +265,18 @@ impl SubDevice {
             (_, al::INIT) => None,
             (_, al::BOOT) => Some(code::NO_BOOT),
             (al::INIT, al::PRE_OP) => {
-                let has_mailboxes = is_configured(0, out.0, out.1, sii::CONTROL[0])
-                    && is_configured(1, back.0, back.1, sii::CONTROL[1]);
+                let has_mailboxes = self.is_configured(0, out.0, out.1, sii::CONTROL[0])
+                    && self.is_configured(1, back.0, back.1, sii::CONTROL[1]);
                 (!has_mailboxes).then_some(code::MAILBOX)
             }
             (al::PRE_OP, al::SAFE_OP) => {
-                let [outputs, inputs] = [&self.drive.outputs, &self.drive.inputs].map(|pdo| pdo.length() as u16);
-                if outputs == 0 || !is_configured(2, sii::OUTPUTS, outputs, sii::CONTROL[2]) {
+                let [outputs, inputs] =
+                    [&self.drive.outputs, &self.drive.inputs].map(|pdo| pdo.length() as u16);
+                if outputs == 0 || !self.is_configured(2, sii::OUTPUTS, outputs, sii::CONTROL[2]) {
                     Some(code::OUTPUTS)
-                } else if inputs == 0 || !is_configured(3, sii::INPUTS, inputs, sii::CONTROL[3]) {
+                } else if inputs == 0
+                    || !self.is_configured(3, sii::INPUTS, inputs, sii::CONTROL[3])
+                {
                     Some(code::INPUTS)
                 } else {
                     None
@@ -255,10 +298,19 @@ impl SubDevice {
             self.mailbox_due_us = Some(self.now_us + MAILBOX_US);
             return;
         }
-        let bytes = self.memory.bytes(request.start, request.length.into()).unwrap_or(&[]).to_vec();
+        let bytes = self
+            .memory
+            .bytes(request.start, request.length.into())
+            .unwrap_or(&[])
+            .to_vec();
         request.set_full(&mut self.memory, false);
         let is_pre_op = self.state == al::PRE_OP;
-        if let Some(reply) = mailbox::answer(&mut self.drive, &bytes, &mut self.mailbox_counter, is_pre_op) {
+        if let Some(reply) = mailbox::answer(
+            &mut self.drive,
+            &bytes,
+            &mut self.mailbox_counter,
+            is_pre_op,
+        ) {
             self.memory.set(answer.start, &reply);
             answer.set_full(&mut self.memory, true);
         }
@@ -276,14 +328,20 @@ impl SubDevice {
         if (sii::INPUTS..sii::INPUTS + 0x100).contains(&address) {
             self.publish_inputs();
         }
-        let owner = if address < RAM { None } else { SyncManager::owner_of(&self.memory, address, data.len()) };
+        let owner = if address < RAM {
+            None
+        } else {
+            SyncManager::owner_of(&self.memory, address, data.len())
+        };
         if let Some(sm) = owner {
             let is_whole = address == sm.start && data.len() == usize::from(sm.length);
             if sm.is_written() || !is_whole || sm.is_mailbox() && !sm.is_full(&self.memory) {
                 return false;
             }
         }
-        let Some(bytes) = self.memory.bytes(address, data.len()) else { return false };
+        let Some(bytes) = self.memory.bytes(address, data.len()) else {
+            return false;
+        };
         data.copy_from_slice(bytes);
         if let Some(sm) = owner.filter(SyncManager::is_mailbox) {
             sm.set_full(&mut self.memory, false);
@@ -296,7 +354,8 @@ impl SubDevice {
         let status = self.drive.status();
         self.drive.objects.set(0x6041, 0, status.into());
         let length = self.drive.inputs.pack(&self.drive.objects, &mut packed);
-        self.memory.set(sii::INPUTS, packed.get(..length).unwrap_or(&[]));
+        self.memory
+            .set(sii::INPUTS, packed.get(..length).unwrap_or(&[]));
     }
 
     /// Writes as a MainDevice. False if the access is refused.
@@ -314,7 +373,7 @@ impl SubDevice {
         self.memory.set(address, data);
         if sm.is_mailbox() {
             sm.set_full(&mut self.memory, true);
-            // In INIT nobody reads it.
+            // In INIT it is not read.
             self.mailbox_due_us = (self.state != al::INIT).then_some(self.now_us + MAILBOX_US);
         } else if self.state >= al::SAFE_OP {
             self.outputs_us = Some(self.now_us);
@@ -336,20 +395,18 @@ impl SubDevice {
             return false;
         }
         self.memory.restore_statuses(status);
-        let writes = |register: u16| {
-            let end = u32::from(address) + data.len() as u32;
-            (u32::from(address)..end).contains(&u32::from(register))
-        };
-        if writes(register::AL_CONTROL) {
+        let written = u32::from(address)..u32::from(address) + data.len() as u32;
+        if written.contains(&register::AL_CONTROL.into()) {
             self.request_state(self.memory.u8(register::AL_CONTROL));
         }
-        if writes(register::SII_CONTROL) {
+        if written.contains(&register::SII_CONTROL.into()) {
             self.command_eeprom();
         }
         true
     }
 
-    /// Takes a request of a state. With an error standing, only one that acknowledges it, or goes down, is heard.
+    /// Takes a request of a state. With an error standing, only one that acknowledges it, or goes
+    /// down, is heard.
     fn request_state(&mut self, control: u8) {
         let (requested, acknowledges) = (control & 0x0F, control & al::ERROR != 0);
         if self.error && !acknowledges && requested >= self.state {
@@ -378,13 +435,26 @@ impl SubDevice {
         }
     }
 
-    /// Reads and writes by logical address. Returns what its working counter grows by: 1 for a read, `write_counts` for a write.
-    pub(super) fn logical(&mut self, address: u32, data: &mut [u8], reads: bool, write_counts: u16) -> u16 {
+    /// Reads and writes by logical address. Returns what its working counter grows by: 1 for a
+    /// read, `write_counts` for a write.
+    pub(super) fn logical(
+        &mut self,
+        address: u32,
+        data: &mut [u8],
+        reads: bool,
+        write_counts: u16,
+    ) -> u16 {
         let (mut was_read, mut was_written) = (false, false);
         for index in 0..FMMUS {
-            let Some(fmmu) = Fmmu::read(&self.memory, index) else { continue };
-            let Some((range, physical)) = fmmu.within(address, data.len()) else { continue };
-            let Some(part) = data.get_mut(range) else { continue };
+            let Some(fmmu) = Fmmu::read(&self.memory, index) else {
+                continue;
+            };
+            let Some((range, physical)) = fmmu.within(address, data.len()) else {
+                continue;
+            };
+            let Some(part) = data.get_mut(range) else {
+                continue;
+            };
             was_written |= fmmu.writes && write_counts > 0 && self.write(physical, part);
             was_read |= fmmu.reads && reads && self.read(physical, part);
         }

@@ -35,10 +35,12 @@ impl SyncManager {
     pub(super) fn owner_of(memory: &Memory, address: u16, length: usize) -> Option<Self> {
         let first = u32::from(address);
         let end = first + u32::try_from(length).unwrap_or(u32::MAX / 2);
-        (0..SYNC_MANAGERS).map(|index| Self::read(memory, index)).find(|sm| {
-            let start = u32::from(sm.start);
-            sm.enabled && sm.length > 0 && first < start + u32::from(sm.length) && end > start
-        })
+        (0..SYNC_MANAGERS)
+            .map(|index| Self::read(memory, index))
+            .find(|sm| {
+                let start = u32::from(sm.start);
+                sm.enabled && sm.length > 0 && first < start + u32::from(sm.length) && end > start
+            })
     }
 
     /// True if the MainDevice writes it.
@@ -66,7 +68,10 @@ impl SyncManager {
 
     pub(super) fn set_full(self, memory: &mut Memory, full: bool) {
         let status = memory.u8(self.status());
-        memory.set(self.status(), &[if full { status | FULL } else { status & !FULL }]);
+        memory.set(
+            self.status(),
+            &[if full { status | FULL } else { status & !FULL }],
+        );
     }
 }
 
@@ -95,8 +100,13 @@ impl Fmmu {
         })
     }
 
-    /// Returns the part of a logical datagram that this FMMU maps: its range in the datagram, and its physical address.
-    pub(super) fn within(&self, logical: u32, length: usize) -> Option<(std::ops::Range<usize>, u16)> {
+    /// Returns the part of a logical datagram that this FMMU maps: its range in the datagram, and
+    /// its physical address.
+    pub(super) fn within(
+        &self,
+        logical: u32,
+        length: usize,
+    ) -> Option<(std::ops::Range<usize>, u16)> {
         let datagram_end = u64::from(logical) + u64::try_from(length).ok()?;
         let first = u64::from(self.logical.max(logical));
         let end = datagram_end.min(u64::from(self.logical) + u64::from(self.length));

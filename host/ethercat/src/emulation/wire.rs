@@ -6,7 +6,7 @@ use super::chain::{Chain, Process};
 use crate::wire::{Wire, WireError};
 
 /// Longest frame, bytes.
-const LONGEST: usize = 1_536;
+const MAX_FRAME: usize = 1_536;
 /// Frames on their way back at most.
 const FRAMES: usize = 8;
 
@@ -21,7 +21,8 @@ pub struct Faults {
     pub delay_us: u64,
     /// Frames that this delay is for.
     pub delayed: u32,
-    /// Number by which the working counter of the last datagrams' frame is too low, as a SubDevice's refusal would leave it.
+    /// Number by which the working counter of the last datagrams' frame is too low, as a
+    /// SubDevice's refusal would leave it.
     pub counter_less: u16,
 }
 
@@ -33,7 +34,7 @@ pub struct Bench<P> {
     /// Faults.
     pub faults: Faults,
     cycle_us: u64,
-    answers: [(u64, usize, [u8; LONGEST]); FRAMES],
+    answers: [(u64, usize, [u8; MAX_FRAME]); FRAMES],
 }
 
 /// A wire in process. Clones share one bench.
@@ -49,7 +50,12 @@ impl<P> Clone for EmulatedWire<P> {
 impl<P: Process> EmulatedWire<P> {
     /// Connects a chain.
     pub fn new(chain: Chain<P>) -> Self {
-        let bench = Bench { chain, faults: Faults::default(), cycle_us: 0, answers: [(0, 0, [0; LONGEST]); FRAMES] };
+        let bench = Bench {
+            chain,
+            faults: Faults::default(),
+            cycle_us: 0,
+            answers: [(0, 0, [0; MAX_FRAME]); FRAMES],
+        };
         Self(Arc::new(Mutex::new(bench)))
     }
 
@@ -79,14 +85,20 @@ impl<P: Process> Bench<P> {
         if Self::strikes(&mut self.faults.lost_out) {
             return;
         }
-        let mut room = [0; LONGEST];
-        let Some(passed) = room.get_mut(..frame.len()) else { return };
+        let mut room = [0; MAX_FRAME];
+        let Some(passed) = room.get_mut(..frame.len()) else {
+            return;
+        };
         passed.copy_from_slice(frame);
         if !self.chain.pass(passed) || Self::strikes(&mut self.faults.lost_back) {
             return;
         }
         lower_counter(passed, self.faults.counter_less);
-        let delay_us = if Self::strikes(&mut self.faults.delayed) { self.faults.delay_us } else { 0 };
+        let delay_us = if Self::strikes(&mut self.faults.delayed) {
+            self.faults.delay_us
+        } else {
+            0
+        };
         let due_us = self.chain.now_us() + delay_us;
         if let Some(place) = self.answers.iter_mut().find(|(_, length, _)| *length == 0) {
             *place = (due_us, frame.len(), room);
@@ -95,20 +107,28 @@ impl<P: Process> Bench<P> {
 
     fn receive(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let now_us = self.chain.now_us();
-        let due = self.answers.iter_mut().filter(|(due_us, length, _)| *length > 0 && *due_us <= now_us);
+        let due = self
+            .answers
+            .iter_mut()
+            .filter(|(due_us, length, _)| *length > 0 && *due_us <= now_us);
         let (_, length, bytes) = due.min_by_key(|(due_us, _, _)| *due_us)?;
         let taken = std::mem::take(length);
-        buffer.get_mut(..taken)?.copy_from_slice(bytes.get(..taken)?);
+        buffer
+            .get_mut(..taken)?
+            .copy_from_slice(bytes.get(..taken)?);
         Some(taken)
     }
 }
 
 /// Takes the first working counter of a frame down.
 fn lower_counter(frame: &mut [u8], by: u16) {
-    let length =
-        usize::from(frame.get(23).copied().unwrap_or(0) & 7) << 8 | usize::from(frame.get(22).copied().unwrap_or(0));
+    let length = usize::from(frame.get(23).copied().unwrap_or(0) & 7) << 8
+        | usize::from(frame.get(22).copied().unwrap_or(0));
     if let Some(place) = frame.get_mut(26 + length..28 + length) {
-        let counter = place.first().map_or(0, |low| u16::from(*low)).saturating_sub(by);
+        let counter = place
+            .first()
+            .map_or(0, |low| u16::from(*low))
+            .saturating_sub(by);
         place.copy_from_slice(&counter.to_le_bytes());
     }
 }
@@ -133,7 +153,9 @@ impl<P: Process> Wire for EmulatedWire<P> {
 
     fn begin_cycles(&mut self, cycles: u64, cycle_us: u64) {
         let mut bench = self.bench();
-        bench.cycle_us = bench.cycle_us.saturating_add(cycles.saturating_mul(cycle_us));
+        bench.cycle_us = bench
+            .cycle_us
+            .saturating_add(cycles.saturating_mul(cycle_us));
         let until = bench.cycle_us;
         // Bring-up takes time of its own; cycles are counted on from there.
         bench.cycle_us = until.max(bench.chain.now_us());

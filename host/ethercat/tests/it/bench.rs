@@ -1,7 +1,9 @@
 //! A bus of emulated drives, and a server's cycles on it.
 
 use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, Kinematic};
-use gantry_tau_ethercat::{Condition, DriveConfig, Drives, Fault, Input, Offset, Place, Settings, Target};
+use gantry_tau_ethercat::{
+    Condition, DriveConfig, Drives, Fault, Input, Offset, Place, Settings, Target,
+};
 
 pub(crate) const VENDOR: u32 = 0x0000_0A11;
 pub(crate) const CYCLE_US: u64 = 1_000;
@@ -10,7 +12,12 @@ pub(crate) type Wire = EmulatedWire<Kinematic>;
 /// Setup of drive `index`: alias 1001 and so on, product 1 and so on, somewhere in the travel.
 pub(crate) fn setup(index: u32) -> DriveSetup {
     DriveSetup {
-        identity: Identity { vendor: VENDOR, product: 1 + index, revision: 1, serial: 100 + index },
+        identity: Identity {
+            vendor: VENDOR,
+            product: 1 + index,
+            revision: 1,
+            serial: 100 + index,
+        },
         alias: 1_001 + index as u16,
         position: 10_000 * index as i32 - 5_000,
         missing: Vec::new(),
@@ -36,7 +43,11 @@ pub(crate) fn config(index: u32) -> DriveConfig {
     }
 }
 
-pub(crate) const SETTINGS: Settings = Settings { cycle_us: CYCLE_US as u32, watchdog_cycles: 5, answer_us: 500 };
+pub(crate) const SETTINGS: Settings = Settings {
+    cycle_us: CYCLE_US as u32,
+    watchdog_cycles: 5,
+    answer_us: 500,
+};
 
 pub(crate) fn configs<const M: usize>() -> [DriveConfig; M] {
     std::array::from_fn(|index| config(index as u32))
@@ -58,7 +69,7 @@ pub(crate) fn standing<const M: usize>(inputs: &[Input; M], offsets: &[Offset; M
     })
 }
 
-/// A server that follows what it is told.
+/// A server that follows its commands.
 pub(crate) struct Server<const M: usize> {
     pub(crate) wire: Wire,
     pub(crate) drives: Drives<Wire, M>,
@@ -71,7 +82,11 @@ impl<const M: usize> Server<M> {
         let offsets = drives.initial().map(|initial| initial.offset);
         drives.start(|inputs| standing(inputs, &offsets));
         let targets = standing(drives.inputs(), &offsets);
-        Self { wire: wire.clone(), drives, targets }
+        Self {
+            wire: wire.clone(),
+            drives,
+            targets,
+        }
     }
 
     pub(crate) fn running() -> Self {
@@ -122,6 +137,12 @@ impl<const M: usize> Server<M> {
 
     /// Largest step of any drive's own reference since the last call, counts.
     pub(crate) fn largest_step(&self) -> i64 {
-        self.wire.bench().chain.drives_mut().map(|drive| drive.take_largest_step()).max().unwrap()
+        self.wire
+            .bench()
+            .chain
+            .drives_mut()
+            .map(|drive| drive.take_largest_step())
+            .max()
+            .unwrap()
     }
 }

@@ -1,4 +1,5 @@
-//! The emulated SubDevices refuse what real ones refuse, asked by frames that are written here byte by byte.
+//! The emulated SubDevices refuse what real ones refuse, asked by frames that are written here byte
+//! by byte.
 
 use gantry_tau_ethercat::Wire as _;
 
@@ -30,7 +31,10 @@ fn ask(wire: &Wire, command: u8, address: u16, offset: u16, data: &[u8]) -> (Vec
     assert_eq!(length, frame.len());
     assert_eq!(answer[6], 0x12, "the source address is marked");
     let end = 26 + data.len();
-    (answer[26..end].to_vec(), u16::from_le_bytes([answer[end], answer[end + 1]]))
+    (
+        answer[26..end].to_vec(),
+        u16::from_le_bytes([answer[end], answer[end + 1]]),
+    )
 }
 
 fn word(wire: &Wire, offset: u16) -> u16 {
@@ -54,7 +58,17 @@ fn one_with_an_address() -> Wire {
 
 fn sync_manager(wire: &Wire, index: u16, start: u16, length: u16, control: u8) {
     let [s, l] = [start.to_le_bytes(), length.to_le_bytes()];
-    assert_eq!(ask(wire, FPWR, 0x1001, 0x0800 + 8 * index, &[s[0], s[1], l[0], l[1], control, 0, 1, 0]).1, 1);
+    assert_eq!(
+        ask(
+            wire,
+            FPWR,
+            0x1001,
+            0x0800 + 8 * index,
+            &[s[0], s[1], l[0], l[1], control, 0, 1, 0]
+        )
+        .1,
+        1
+    );
 }
 
 fn pre_op() -> Wire {
@@ -96,7 +110,11 @@ fn states_need_what_they_need_and_take_time() {
     ask(&wire, FPWR, 0x1001, 0x0120, &[2, 0]);
     assert_eq!(word(&wire, 0x0130), 1, "not at once");
     wire.idle(2_000);
-    assert_eq!((word(&wire, 0x0130), word(&wire, 0x0134)), (0x11, 0x0016), "no mailboxes");
+    assert_eq!(
+        (word(&wire, 0x0130), word(&wire, 0x0134)),
+        (0x11, 0x0016),
+        "no mailboxes"
+    );
     sync_manager(&wire, 0, 0x1000, 128, 0x26);
     sync_manager(&wire, 1, 0x1080, 128, 0x22);
     assert_eq!(request(&wire, 2).0, 0x11, "the error is not acknowledged");
@@ -120,32 +138,76 @@ fn states_need_what_they_need_and_take_time() {
 fn read_only_registers_and_parts_of_buffers_do_not_count() {
     let wire = pre_op();
     for register in [0x0000, 0x0012, 0x0110, 0x0130, 0x0134, 0x0440] {
-        assert_eq!(ask(&wire, FPWR, 0x1001, register, &[0xFF, 0xFF]).1, 0, "{register:04x}");
+        assert_eq!(
+            ask(&wire, FPWR, 0x1001, register, &[0xFF, 0xFF]).1,
+            0,
+            "{register:04x}"
+        );
     }
-    assert_eq!(ask(&wire, FPRD, 0x1002, 0x0130, &[0; 2]).1, 0, "another station");
-    assert_eq!(ask(&wire, FPWR, 0x1001, 0x1000, &[0; 64]).1, 0, "half a mailbox");
-    assert_eq!(ask(&wire, FPWR, 0x1001, 0x1080, &[0; 128]).1, 0, "a mailbox of the other direction");
-    assert_eq!(ask(&wire, FPRD, 0x1001, 0x1080, &[0; 128]).1, 0, "an empty mailbox");
+    assert_eq!(
+        ask(&wire, FPRD, 0x1002, 0x0130, &[0; 2]).1,
+        0,
+        "another station"
+    );
+    assert_eq!(
+        ask(&wire, FPWR, 0x1001, 0x1000, &[0; 64]).1,
+        0,
+        "half a mailbox"
+    );
+    assert_eq!(
+        ask(&wire, FPWR, 0x1001, 0x1080, &[0; 128]).1,
+        0,
+        "a mailbox of the other direction"
+    );
+    assert_eq!(
+        ask(&wire, FPRD, 0x1001, 0x1080, &[0; 128]).1,
+        0,
+        "an empty mailbox"
+    );
     assert_eq!(ask(&wire, FPWR, 0x1001, 0x1000, &[0; 128]).1, 1);
-    assert_eq!(ask(&wire, FPWR, 0x1001, 0x1000, &[0; 128]).1, 0, "a full mailbox");
+    assert_eq!(
+        ask(&wire, FPWR, 0x1001, 0x1000, &[0; 128]).1,
+        0,
+        "a full mailbox"
+    );
     assert_eq!(ask(&wire, BWR, 0, 0x0120, &[1, 0]).1, 1);
     assert_eq!(ask(&wire, LRW, 0, 0, &[0; 4]).1, 0, "nothing is mapped");
+}
+
+/// Abort code of a download that is refused.
+fn aborted(wire: &Wire, counter: u8, object: u16, sub: u8, value: &[u8]) -> u32 {
+    abort_code(&download(wire, counter, object, sub, value))
 }
 
 #[test]
 fn objects_are_refused_with_the_codes_of_the_standard() {
     let wire = pre_op();
-    let aborted = |counter, object, sub, value: &[u8]| abort_code(&download(&wire, counter, object, sub, value));
-    assert_eq!(aborted(1, 0x2000, 0, &[0; 4]), 0x0602_0000);
-    assert_eq!(aborted(2, 0x6064, 0, &[0; 4]), 0x0601_0002);
-    assert_eq!(aborted(3, 0x60B0, 0, &[0; 2]), 0x0607_0010);
-    assert_eq!(aborted(4, 0x60B0, 9, &[0; 4]), 0x0609_0011);
-    assert_eq!(aborted(5, 0x1600, 1, &0x607A_0020_u32.to_le_bytes()), 0x0601_0000, "its number is not zero");
+    assert_eq!(aborted(&wire, 1, 0x2000, 0, &[0; 4]), 0x0602_0000);
+    assert_eq!(aborted(&wire, 2, 0x6064, 0, &[0; 4]), 0x0601_0002);
+    assert_eq!(aborted(&wire, 3, 0x60B0, 0, &[0; 2]), 0x0607_0010);
+    assert_eq!(aborted(&wire, 4, 0x60B0, 9, &[0; 4]), 0x0609_0011);
+    assert_eq!(
+        aborted(&wire, 5, 0x1600, 1, &0x607A_0020_u32.to_le_bytes()),
+        0x0601_0000,
+        "its number is not zero"
+    );
     assert_eq!(download(&wire, 6, 0x1C12, 0, &[0])[2], 0x60);
     assert_eq!(download(&wire, 7, 0x1600, 0, &[0])[2], 0x60);
-    assert_eq!(aborted(1, 0x1600, 1, &0x6064_0020_u32.to_le_bytes()), 0x0604_0041, "an input");
-    assert_eq!(aborted(2, 0x1600, 1, &0x607A_0010_u32.to_le_bytes()), 0x0604_0041, "another length");
-    assert_eq!(aborted(3, 0x1600, 0, &[1]), 0x0609_0030, "an entry that is not there");
+    assert_eq!(
+        aborted(&wire, 1, 0x1600, 1, &0x6064_0020_u32.to_le_bytes()),
+        0x0604_0041,
+        "an input"
+    );
+    assert_eq!(
+        aborted(&wire, 2, 0x1600, 1, &0x607A_0010_u32.to_le_bytes()),
+        0x0604_0041,
+        "another length"
+    );
+    assert_eq!(
+        aborted(&wire, 3, 0x1600, 0, &[1]),
+        0x0609_0030,
+        "an entry that is not there"
+    );
     assert_eq!(download(&wire, 4, 0x1C12, 0, &[1])[2], 0x60);
     // Without outputs there is no SAFE-OP.
     assert_eq!(request(&wire, 4), (0x12, 0x001D));
@@ -155,12 +217,41 @@ fn objects_are_refused_with_the_codes_of_the_standard() {
 fn a_repeated_mailbox_counter_is_ignored() {
     let wire = pre_op();
     assert_eq!(download(&wire, 1, 0x60B0, 0, &[5, 0, 0, 0])[2], 0x60);
-    let mut request = vec![10, 0, 0, 0, 0, 1 << 4 | 3, 0, 0x20, 0x23, 0xB0, 0x60, 0, 9, 0, 0, 0];
+    let mut request = vec![
+        10,
+        0,
+        0,
+        0,
+        0,
+        1 << 4 | 3,
+        0,
+        0x20,
+        0x23,
+        0xB0,
+        0x60,
+        0,
+        9,
+        0,
+        0,
+        0,
+    ];
     request.resize(128, 0);
     assert_eq!(ask(&wire, FPWR, 0x1001, 0x1000, &request).1, 1);
     wire.idle(500);
-    assert_eq!(ask(&wire, FPRD, 0x1001, 0x1080, &[0; 128]).1, 0, "no answer");
-    assert_eq!(wire.bench().chain.drives().next().unwrap().object(0x60B0, 0), 5);
+    assert_eq!(
+        ask(&wire, FPRD, 0x1001, 0x1080, &[0; 128]).1,
+        0,
+        "no answer"
+    );
+    assert_eq!(
+        wire.bench()
+            .chain
+            .drives()
+            .next()
+            .unwrap()
+            .object(0x60B0, 0),
+        5
+    );
 }
 
 #[test]
@@ -169,24 +260,43 @@ fn the_mapping_is_fixed_outside_pre_op() {
     sync_manager(&wire, 2, 0x1100, 6, 0x64);
     sync_manager(&wire, 3, 0x1400, 6, 0x20);
     assert_eq!(request(&wire, 4), (4, 0));
-    assert_eq!(abort_code(&download(&wire, 1, 0x1C12, 0, &[0])), 0x0800_0022);
+    assert_eq!(
+        abort_code(&download(&wire, 1, 0x1C12, 0, &[0])),
+        0x0800_0022
+    );
+}
+
+/// Reads two words of the EEPROM, from `word` on. Returns whether the interface was busy, the high
+/// byte of the control register, and the data.
+fn read_eeprom(wire: &Wire, word: u16) -> (bool, u8, Vec<u8>) {
+    let [low, high] = word.to_le_bytes();
+    ask(wire, FPWR, 0x1001, 0x0502, &[0, 1, low, high, 0, 0]);
+    let busy = ask(wire, FPRD, 0x1001, 0x0502, &[0; 2]).0;
+    wire.idle(200);
+    let control = ask(wire, FPRD, 0x1001, 0x0502, &[0; 2]).0;
+    let data = ask(wire, FPRD, 0x1001, 0x0508, &[0; 4]).0;
+    (busy[1] & 0x80 != 0, control[1], data)
 }
 
 #[test]
 fn the_eeprom_belongs_to_one_of_two() {
     let wire = one_with_an_address();
-    let read = |word: u16| {
-        let [low, high] = word.to_le_bytes();
-        ask(&wire, FPWR, 0x1001, 0x0502, &[0, 1, low, high, 0, 0]);
-        let busy = ask(&wire, FPRD, 0x1001, 0x0502, &[0; 2]).0;
-        wire.idle(200);
-        let control = ask(&wire, FPRD, 0x1001, 0x0502, &[0; 2]).0;
-        (busy[1] & 0x80 != 0, control[1], ask(&wire, FPRD, 0x1001, 0x0508, &[0; 4]).0)
-    };
-    assert_eq!(read(8), (true, 0, vec![0x11, 0x0A, 0, 0]), "the vendor");
+    assert_eq!(
+        read_eeprom(&wire, 8),
+        (true, 0, vec![0x11, 0x0A, 0, 0]),
+        "the vendor"
+    );
     ask(&wire, FPWR, 0x1001, 0x0500, &[1]);
-    assert_eq!(read(10).1, 0x20, "it belongs to the application: command error");
+    assert_eq!(
+        read_eeprom(&wire, 10).1,
+        0x20,
+        "it belongs to the application: command error"
+    );
     ask(&wire, FPWR, 0x1001, 0x0500, &[0]);
     ask(&wire, FPWR, 0x1001, 0x0502, &[0, 0]);
-    assert_eq!(read(10), (true, 0, vec![1, 0, 0, 0]), "the product");
+    assert_eq!(
+        read_eeprom(&wire, 10),
+        (true, 0, vec![1, 0, 0, 0]),
+        "the product"
+    );
 }

@@ -32,8 +32,12 @@ impl From<Event<'_, '_>> for Seen {
         match event {
             Event::Version(version) => Self::Version(version),
             Event::Define(of) => Self::Define(of.index, of.name.to_vec(), of.ty.bytes().to_vec()),
-            Event::Reference(of) => Self::Reference(of.index, of.name.to_vec(), of.ty.bytes().to_vec()),
-            Event::Data { definition, value } => Self::Data(definition.index, value.bytes().to_vec()),
+            Event::Reference(of) => {
+                Self::Reference(of.index, of.name.to_vec(), of.ty.bytes().to_vec())
+            }
+            Event::Data { definition, value } => {
+                Self::Data(definition.index, value.bytes().to_vec())
+            }
             Event::Skipped(tag) => Self::Skipped(tag),
         }
     }
@@ -61,5 +65,8 @@ fn decode(bytes: &[u8]) -> (Vec<Seen>, bool, Option<Error>) {
 /// Bytes of a hex text.
 fn hex(text: &str) -> Vec<u8> {
     let digits: Vec<u8> = text.bytes().filter(u8::is_ascii_hexdigit).collect();
-    digits.chunks(2).map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap()).collect()
+    digits
+        .chunks(2)
+        .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+        .collect()
 }

@@ -4,21 +4,48 @@ use proptest::prelude::*;
 
 #[test]
 fn packed_numbers_are_as_measured_at_the_peer() {
-    for (number, bytes) in [(0, &[0x00][..]), (127, &[0x7f]), (128, &[0x81, 0x00]), (16384, &[0x81, 0x80, 0x00])] {
+    for (number, bytes) in [
+        (0, &[0x00][..]),
+        (127, &[0x7f]),
+        (128, &[0x81, 0x00]),
+        (16384, &[0x81, 0x80, 0x00]),
+    ] {
         assert_eq!(encode(Version::V2014, number).as_slice(), bytes);
     }
-    assert_eq!(encode(Version::V2014, u32::MAX).as_slice(), [0x8f, 0xff, 0xff, 0xff, 0x7f]);
-    assert_eq!(encode(Version::V2006, 0x1234_5678).as_slice(), [0x12, 0x34, 0x56, 0x78]);
+    assert_eq!(
+        encode(Version::V2014, u32::MAX).as_slice(),
+        [0x8f, 0xff, 0xff, 0xff, 0x7f]
+    );
+    assert_eq!(
+        encode(Version::V2006, 0x1234_5678).as_slice(),
+        [0x12, 0x34, 0x56, 0x78]
+    );
+}
+
+/// Error of a number of 2014.
+fn refused(bytes: &[u8]) -> ErrorKind {
+    decode(Version::V2014, bytes).unwrap_err()
 }
 
 #[test]
 fn longer_and_larger_numbers_are_refused() {
-    let refused = |bytes: &[u8]| decode(Version::V2014, bytes).unwrap_err();
-    assert_eq!(refused(&[0x80, 0x00]), ErrorKind::Malformed(Malformed::LongNumber));
-    assert_eq!(refused(&[0x90, 0x80, 0x80, 0x80, 0x00]), ErrorKind::Malformed(Malformed::LargeNumber));
-    assert_eq!(refused(&[0x81, 0x80, 0x80, 0x80, 0x80, 0x00]), ErrorKind::Malformed(Malformed::LargeNumber));
+    assert_eq!(
+        refused(&[0x80, 0x00]),
+        ErrorKind::Malformed(Malformed::LongNumber)
+    );
+    assert_eq!(
+        refused(&[0x90, 0x80, 0x80, 0x80, 0x00]),
+        ErrorKind::Malformed(Malformed::LargeNumber)
+    );
+    assert_eq!(
+        refused(&[0x81, 0x80, 0x80, 0x80, 0x80, 0x00]),
+        ErrorKind::Malformed(Malformed::LargeNumber)
+    );
     assert_eq!(refused(&[0x81]), ErrorKind::Incomplete);
-    assert_eq!(decode(Version::V2006, &[0, 0, 0]).unwrap_err(), ErrorKind::Incomplete);
+    assert_eq!(
+        decode(Version::V2006, &[0, 0, 0]).unwrap_err(),
+        ErrorKind::Incomplete
+    );
 }
 
 /// A packed number by division, not by shifts.

@@ -1,6 +1,7 @@
 use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor, SessionEvent, State, Tool};
 use gantry_tau_labcomm::{
-    Decoded, Decoder, Encoder, ErrorKind, Event, Field, Limit, Sample, Text, Type, Version, Writer, type_len,
+    Decoded, Decoder, Encoder, ErrorKind, Event, Field, Limit, Sample, Text, Type, Version, Writer,
+    type_len,
 };
 
 use super::decode;
@@ -27,14 +28,33 @@ fn definitions_and_samples_have_the_sizes_of_the_peer() {
     assert_eq!(both(&State::ZERO), [(182, 77), (106, 75)]);
     assert_eq!(both(&Axes::<3>::ZERO), [(291, 147), (196, 146)]);
     assert_eq!(both(&Tool::ZERO), [(162, 136), (77, 135)]);
-    assert_eq!(both(&SessionEvent { text: Text::cut("session granted"), ..Field::ZERO }), [(82, 33), (45, 28)]);
+    assert_eq!(
+        both(&SessionEvent {
+            text: Text::cut("session granted"),
+            ..Field::ZERO
+        }),
+        [(82, 33), (45, 28)]
+    );
 }
 
 #[test]
 fn values_survive_and_are_found_by_their_definition() {
-    let event = SessionEvent { tick: 7, kind: 2, cause: 3, text: Text::cut("geräusch") };
-    let axes = Axes::<6> { tick: -1, ..Field::ZERO };
-    let tool = Tool { tick: i64::MAX, step: 4, load: [f64::MIN_POSITIVE; 6], ..Field::ZERO };
+    let event = SessionEvent {
+        tick: 7,
+        kind: 2,
+        cause: 3,
+        text: Text::cut("geräusch"),
+    };
+    let axes = Axes::<6> {
+        tick: -1,
+        ..Field::ZERO
+    };
+    let tool = Tool {
+        tick: i64::MAX,
+        step: 4,
+        load: [f64::MIN_POSITIVE; 6],
+        ..Field::ZERO
+    };
     for version in [Version::V2006, Version::V2014, Version::V2014_0] {
         let mut buffer = [0; 2048];
         let mut encoder = Encoder::new(version, &mut buffer);
@@ -74,14 +94,26 @@ fn a_full_buffer_holds_whole_packets() {
         for size in 0..=90 {
             let mut buffer = vec![0; size];
             let mut encoder = Encoder::new(version, &mut buffer);
-            let written = [encoder.version(), encoder.define::<Data>(0x80), encoder.data(0x80, &Data([1, 2, 3]))];
-            let full = written.iter().filter(|written| **written == Err(ErrorKind::Limit(Limit::Room))).count();
-            let whole = written.len() - full - usize::from(version == Version::V2006 && written[0].is_ok());
+            let written = [
+                encoder.version(),
+                encoder.define::<Data>(0x80),
+                encoder.data(0x80, &Data([1, 2, 3])),
+            ];
+            let full = written
+                .iter()
+                .filter(|written| **written == Err(ErrorKind::Limit(Limit::Room)))
+                .count();
+            let whole =
+                written.len() - full - usize::from(version == Version::V2006 && written[0].is_ok());
             let bytes = encoder.bytes().to_vec();
             // Without its version packet a stream of 2014 is none.
             if written[0].is_ok() && (written[1].is_ok() || written[2].is_err()) {
                 let (seen, at_boundary, error) = decode(&bytes);
-                assert_eq!((seen.len(), at_boundary, error), (whole, true, None), "{version:?}, {size} bytes");
+                assert_eq!(
+                    (seen.len(), at_boundary, error),
+                    (whole, true, None),
+                    "{version:?}, {size} bytes"
+                );
             }
         }
     }

@@ -19,10 +19,21 @@ const OF_2014: &str = "
 
 #[test]
 fn the_thesis_file_decodes_in_both_versions() {
-    let (data, force) = (hex("0000002a fffffff9 001e8480"), hex("43b40000c1480000000000003e800000bf80000040400000"));
+    let (data, force) = (
+        hex("0000002a fffffff9 001e8480"),
+        hex("43b40000c1480000000000003e800000bf80000040400000"),
+    );
     let of_2012 = [
-        Seen::Define(0x80, b"data".to_vec(), hex("00000010 00000001 00000003 00000023")),
-        Seen::Define(0x81, b"forcesensor".to_vec(), hex("00000010 00000001 00000006 00000025")),
+        Seen::Define(
+            0x80,
+            b"data".to_vec(),
+            hex("00000010 00000001 00000003 00000023"),
+        ),
+        Seen::Define(
+            0x81,
+            b"forcesensor".to_vec(),
+            hex("00000010 00000001 00000006 00000025"),
+        ),
         Seen::Data(0x80, data.clone()),
         Seen::Data(0x81, force.clone()),
     ];
@@ -50,8 +61,11 @@ fn every_cut_gives_the_events_before_it() {
 
 /// Events of a stream that comes in chunks, through a collector.
 fn in_chunks(stream: &[u8], lengths: &[usize]) -> (Vec<Seen>, Option<ErrorKind>) {
-    let (mut collector, mut decoder) = (Collector::<512>::new(), Decoder::<8, 1024>::new(100));
-    let (mut seen, mut rest, mut lengths) = (Vec::new(), stream, lengths.iter().cycle());
+    let mut collector = Collector::<512>::new();
+    let mut decoder = Decoder::<8, 1024>::new(100);
+    let mut seen = Vec::new();
+    let mut rest = stream;
+    let mut lengths = lengths.iter().cycle();
     while !rest.is_empty() {
         let length = (lengths.next().unwrap() + 1).min(rest.len());
         let taken = collector.append(&rest[..length]);
@@ -85,24 +99,46 @@ proptest! {
     }
 }
 
+/// Error of a stream.
+fn refused(text: &str) -> ErrorKind {
+    decode(&hex(text)).2.unwrap().kind
+}
+
 #[test]
 fn other_generations_are_refused_by_name() {
-    let refused = |text| decode(&hex(text)).2.unwrap().kind;
-    assert_eq!(refused("02 40 04 64617461 10010323"), ErrorKind::Version(Unsupported::LabComm2013));
-    assert_eq!(refused("0b 4c6162436f6d6d32303133"), ErrorKind::Version(Unsupported::LabComm2013));
-    assert_eq!(refused("01 05 04 4c616221"), ErrorKind::Version(Unsupported::Text));
+    assert_eq!(
+        refused("02 40 04 64617461 10010323"),
+        ErrorKind::Version(Unsupported::LabComm2013)
+    );
+    assert_eq!(
+        refused("0b 4c6162436f6d6d32303133"),
+        ErrorKind::Version(Unsupported::LabComm2013)
+    );
+    assert_eq!(
+        refused("01 05 04 4c616221"),
+        ErrorKind::Version(Unsupported::Text)
+    );
     assert_eq!(refused("47 54"), ErrorKind::Malformed(Malformed::Start));
     // The unfinished branch master: intentions in place of the name.
-    let master = decode(&hex("01 0c 0b 4c6162436f6d6d32303134 02 0d 40 01 00 04 64617461 04 10010323"));
+    let master = decode(&hex(
+        "01 0c 0b 4c6162436f6d6d32303134 02 0d 40 01 00 04 64617461 04 10010323",
+    ));
     assert_eq!(master.0, [Seen::Version(Version::V2014_0)]);
-    assert_eq!(master.2.unwrap().kind, ErrorKind::Malformed(Malformed::PacketLength));
+    assert_eq!(
+        master.2.unwrap().kind,
+        ErrorKind::Malformed(Malformed::PacketLength)
+    );
     assert_eq!(master.2.unwrap().at, 14);
 }
 
 #[test]
 fn unknown_packets_of_2014_are_skipped() {
     let start = hex("01 0f 0e 4c6162436f6d6d323031342e7631");
-    let stream = [&start[..], &hex("04 02 ffff 3f 00 41 01 07 03 05 43 01 63 01 23 05 01 00")].concat();
+    let stream = [
+        &start[..],
+        &hex("04 02 ffff 3f 00 41 01 07 03 05 43 01 63 01 23 05 01 00"),
+    ]
+    .concat();
     let (seen, at_boundary, error) = decode(&stream);
     assert_eq!((at_boundary, error), (true, None));
     let reference = Seen::Reference(0x43, b"c".to_vec(), vec![0x23]);

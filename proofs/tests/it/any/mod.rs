@@ -5,16 +5,21 @@ use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
 };
-use gantry_tau_core::control::session::config::{AxisConfig, Config, MissBudget, Parameters, Travel};
-use gantry_tau_core::control::session::{Connection, Event, LastWrite, Reading, Session, TickInput};
+use gantry_tau_core::control::session::config::{
+    AxisConfig, Config, MissBudget, Parameters, Travel,
+};
+use gantry_tau_core::control::session::{
+    Connection, Event, LastWrite, Reading, Session, TickInput,
+};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
-    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
+    VelocityUmS,
 };
 use gantry_tau_core::verification::control::{
     Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Order, Parts, Rules,
 };
-use gantry_tau_proofs::drive::Fate;
+use gantry_tau_proofs::properties::drive::Fate;
 use proptest::array::{uniform, uniform4};
 use proptest::option;
 use proptest::prelude::*;
@@ -27,7 +32,13 @@ fn number() -> impl Strategy<Value = u64> {
 
 /// Limits from M, S, A and rho.
 pub(crate) fn checked<U>(max: i32, step: i32, accel: i32, ramp: i32) -> Limits<U> {
-    Limits::new(LimitValues { max, step, accel, ramp }).unwrap()
+    Limits::new(LimitValues {
+        max,
+        step,
+        accel,
+        ramp,
+    })
+    .unwrap()
 }
 
 pub(crate) fn limits<U: std::fmt::Debug>() -> impl Strategy<Value = Limits<U>> {
@@ -35,7 +46,10 @@ pub(crate) fn limits<U: std::fmt::Debug>() -> impl Strategy<Value = Limits<U>> {
 }
 
 fn limits_up_to<U: std::fmt::Debug>(most: i32) -> impl Strategy<Value = Limits<U>> {
-    limits_of(prop_oneof![0..1_000_i32, any::<i32>().prop_map(i32::saturating_abs)], most)
+    limits_of(
+        prop_oneof![0..1_000_i32, any::<i32>().prop_map(i32::saturating_abs)],
+        most,
+    )
 }
 
 /// Limits that validation accepts, made of four numbers, with `M` of at most `most`.
@@ -52,10 +66,13 @@ pub(crate) fn limits_of<U: std::fmt::Debug>(
 }
 
 /// Any channel that is valid under the limits.
-pub(crate) fn channel<U: ChannelUnit + std::fmt::Debug>(limits: Limits<U>) -> impl Strategy<Value = Channel<U>> {
+pub(crate) fn channel<U: ChannelUnit + std::fmt::Debug>(
+    limits: Limits<U>,
+) -> impl Strategy<Value = Channel<U>> {
     let (max, step) = (limits.max(), limits.step());
-    (-max..=max, -step..=step)
-        .prop_map(move |(value, change)| Channel::from_parts(U::saturating_from(value), change, &limits).unwrap())
+    (-max..=max, -step..=step).prop_map(move |(value, change)| {
+        Channel::from_parts(U::saturating_from(value), change, &limits).unwrap()
+    })
 }
 
 prop_compose! {
@@ -76,7 +93,10 @@ prop_compose! {
 
 /// An axis with these limits.
 pub(crate) fn axis_of(limits: AxisLimits, reach: u32, nominal_step_nm: u32) -> AxisConfig {
-    AxisConfig { limits, ..AxisConfig::position_only(limits.position, Travel::around_zero(reach), nominal_step_nm) }
+    AxisConfig {
+        limits,
+        ..AxisConfig::position_only(limits.position, Travel::around_zero(reach), nominal_step_nm)
+    }
 }
 
 prop_compose! {
@@ -94,7 +114,12 @@ pub(crate) fn budget() -> impl Strategy<Value = Option<MissBudget>> {
 pub(crate) fn config<const N: usize>() -> impl Strategy<Value = Config<N>> {
     let axes = uniform::<_, N>(axis_config());
     (axes, budget(), 0..3_u8, 1..20_u32).prop_map(|(axes, budget, echo_window, handshake_ticks)| {
-        let parameters = Parameters { budget, echo_window, handshake_ticks, ..Parameters::thesis(axes) };
+        let parameters = Parameters {
+            budget,
+            echo_window,
+            handshake_ticks,
+            ..Parameters::thesis(axes)
+        };
         Config::new(parameters).unwrap()
     })
 }
@@ -167,18 +192,22 @@ pub(crate) fn offsets() -> impl Strategy<Value = Offsets> {
 
 pub(crate) fn command<const N: usize>() -> impl Strategy<Value = Command<N>> {
     let targets = uniform::<_, N>(offsets());
-    (number(), number(), number(), mode(), targets).prop_map(|(epoch, sequence, echo, mode, targets)| Command {
-        epoch: Epoch(epoch),
-        sequence: Sequence(sequence),
-        echo: Tick(echo),
-        mode,
-        targets,
-    })
+    (number(), number(), number(), mode(), targets).prop_map(
+        |(epoch, sequence, echo, mode, targets)| Command {
+            epoch: Epoch(epoch),
+            sequence: Sequence(sequence),
+            echo: Tick(echo),
+            mode,
+            targets,
+        },
+    )
 }
 
 pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
-    let hello = (any::<u8>(), any::<u16>())
-        .prop_map(|(axes, bits)| Hello { axes: if axes < 200 { 3 } else { axes }, capabilities: Capabilities(bits) });
+    let hello = (any::<u8>(), any::<u16>()).prop_map(|(axes, bits)| Hello {
+        axes: if axes < 200 { 3 } else { axes },
+        capabilities: Capabilities(bits),
+    });
     prop_oneof![
         6 => command().prop_map(|command| Event::Message(ClientMessage::Command(command))),
         2 => hello.prop_map(|hello| Event::Message(ClientMessage::Hello(hello))),
@@ -193,9 +222,22 @@ pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
 }
 
 /// An axis whose channels and shadow are within their limits.
-fn axis_within(limits: AxisLimits, nominal: impl Strategy<Value = i64>) -> impl Strategy<Value = Axis> {
-    (axis_channels(limits), axis_channels(limits), nominal.prop_map(PositionNm), actual())
-        .prop_map(|(channels, shadow, nominal, actual)| Axis { channels, shadow, nominal, actual })
+fn axis_within(
+    limits: AxisLimits,
+    nominal: impl Strategy<Value = i64>,
+) -> impl Strategy<Value = Axis> {
+    (
+        axis_channels(limits),
+        axis_channels(limits),
+        nominal.prop_map(PositionNm),
+        actual(),
+    )
+        .prop_map(|(channels, shadow, nominal, actual)| Axis {
+            channels,
+            shadow,
+            nominal,
+            actual,
+        })
 }
 
 prop_compose! {
@@ -208,19 +250,38 @@ prop_compose! {
 pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
     config::<N>().prop_flat_map(|config| {
         let discrete = discrete(config.parameters().handshake_ticks);
-        let axes = config.parameters().axes.map(|axis| axis_within(axis.limits, -2_000..2_000_i64));
-        let flags = (any::<bool>(), prop::bool::weighted(0.2), prop::bool::weighted(0.3));
+        let axes = config
+            .parameters()
+            .axes
+            .map(|axis| axis_within(axis.limits, -2_000..2_000_i64));
+        let flags = (
+            any::<bool>(),
+            prop::bool::weighted(0.2),
+            prop::bool::weighted(0.3),
+        );
         (discrete, axes, uniform(in_force()), flags).prop_map(
             move |(discrete, axes, in_force, (late, withheld, off_path))| {
-                let resting = matches!(discrete.phase, Phase::Listening | Phase::Handshake | Phase::Submit);
+                let resting = matches!(
+                    discrete.phase,
+                    Phase::Listening | Phase::Handshake | Phase::Submit
+                );
                 let parts = Parts {
                     discrete,
                     axes: axes.map(|axis| Axis {
-                        channels: if resting { AxisChannels::ZERO } else { axis.channels },
-                        shadow: if discrete.phase == Phase::Submit { axis.shadow } else { AxisChannels::ZERO },
+                        channels: if resting {
+                            AxisChannels::ZERO
+                        } else {
+                            axis.channels
+                        },
+                        shadow: if discrete.phase == Phase::Submit {
+                            axis.shadow
+                        } else {
+                            AxisChannels::ZERO
+                        },
                         ..axis
                     }),
-                    withheld: withheld && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
+                    withheld: withheld
+                        && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
                     off_path,
                     in_force,
                     cause: Cause::None,
@@ -244,8 +305,18 @@ pub(crate) fn axes_in_force<const N: usize>() -> impl Strategy<Value = [InForce;
 }
 
 pub(crate) fn order<const N: usize>() -> impl Strategy<Value = Order<N>> {
-    (action(), option::of(action()), uniform(any::<bool>()), any::<bool>())
-        .prop_map(|(action, shadow, stepped, holds)| Order { action, shadow, stepped, holds })
+    (
+        action(),
+        option::of(action()),
+        uniform(any::<bool>()),
+        any::<bool>(),
+    )
+        .prop_map(|(action, shadow, stepped, holds)| Order {
+            action,
+            shadow,
+            stepped,
+            holds,
+        })
 }
 
 pub(crate) fn fate() -> impl Strategy<Value = Fate> {
@@ -261,20 +332,31 @@ pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>
 }
 
 pub(crate) fn epochs() -> impl Strategy<Value = EpochRange> {
-    (number(), number()).prop_map(|(first, last)| EpochRange { first: Epoch(first), last: Epoch(last) })
+    (number(), number()).prop_map(|(first, last)| EpochRange {
+        first: Epoch(first),
+        last: Epoch(last),
+    })
 }
 
 pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>> {
     let nominal = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()].prop_map(PositionNm);
-    let reading =
-        (uniform::<_, N>(nominal), uniform::<_, N>(actual())).prop_map(|(nominal, actual)| Reading { nominal, actual });
+    let reading = (uniform::<_, N>(nominal), uniform::<_, N>(actual()))
+        .prop_map(|(nominal, actual)| Reading { nominal, actual });
     let reading = option::weighted(0.95, reading);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
     let flags = (rare(), rare(), any::<bool>());
     let rest = (flags, last_write(), any::<u16>());
-    (reading, elapsed, rest).prop_map(|(reading, elapsed_cycles, ((stop, quit, rearm), last_write, arrival_us))| {
-        TickInput { elapsed_cycles, reading, stop, quit, rearm, last_write, arrival_us }
-    })
+    (reading, elapsed, rest).prop_map(
+        |(reading, elapsed_cycles, ((stop, quit, rearm), last_write, arrival_us))| TickInput {
+            elapsed_cycles,
+            reading,
+            stop,
+            quit,
+            rearm,
+            last_write,
+            arrival_us,
+        },
+    )
 }
 
 prop_compose! {
@@ -289,7 +371,12 @@ pub(crate) fn axis() -> impl Strategy<Value = (AxisConfig, Axis)> {
 }
 
 fn action() -> impl Strategy<Value = Action> {
-    select(vec![Action::Hold, Action::Follow, Action::FollowZero, Action::Ramp])
+    select(vec![
+        Action::Hold,
+        Action::Follow,
+        Action::FollowZero,
+        Action::Ramp,
+    ])
 }
 
 prop_compose! {

@@ -1,4 +1,5 @@
-//! An exchange with the drives of nine motors. The chain that answers is a wire's other end: what it does is left out.
+//! An exchange with the drives of nine motors. The chain that answers is a wire's other end: what
+//! it does is left out.
 
 use std::hint::black_box;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,14 +12,19 @@ use super::measured;
 /// The call is being counted.
 static IS_COUNTED: AtomicBool = AtomicBool::new(false);
 
-/// Leaves out what a call does. Callgrind begins or ends to collect with every function of such a name: within the one that is counted it ends.
+/// Leaves out what a call does. Callgrind begins or ends to collect with every function of such a
+/// name: within the one that is counted it ends.
 #[inline(never)]
 fn unmeasured<R>(call: impl FnOnce() -> R) -> R {
     call()
 }
 
 fn aside<R>(call: impl FnOnce() -> R) -> R {
-    if IS_COUNTED.load(Ordering::Relaxed) { unmeasured(call) } else { call() }
+    if IS_COUNTED.load(Ordering::Relaxed) {
+        unmeasured(call)
+    } else {
+        call()
+    }
 }
 
 /// The emulated wire, whose time costs nothing.
@@ -48,7 +54,12 @@ impl Wire for Aside {
 
 fn setup(index: u16) -> DriveSetup {
     DriveSetup {
-        identity: Identity { vendor: 1, product: 1, revision: 1, serial: index.into() },
+        identity: Identity {
+            vendor: 1,
+            product: 1,
+            revision: 1,
+            serial: index.into(),
+        },
         alias: 0,
         position: 0,
         missing: vec![],
@@ -78,17 +89,36 @@ fn config(index: u16) -> DriveConfig {
 pub(super) fn exchange() {
     let setups: Vec<DriveSetup> = (0..9).map(setup).collect();
     let mut wire = EmulatedWire::new(Chain::new(&setups, Kinematic));
-    let settings = Settings { cycle_us: 1_000, watchdog_cycles: 5, answer_us: 500 };
+    let settings = Settings {
+        cycle_us: 1_000,
+        watchdog_cycles: 5,
+        answer_us: 500,
+    };
     let configs = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(config);
     let mut drives = Drives::bring_up(Aside(wire.clone()), &configs, settings).unwrap();
     drives.start(|_| [Target::default(); 9]);
     for position in 0..10 {
         wire.begin_cycles(1, 1_000);
-        drives.cycle(&[Target { position, ..Target::default() }; 9]).unwrap();
+        drives
+            .cycle(
+                &[Target {
+                    position,
+                    ..Target::default()
+                }; 9],
+            )
+            .unwrap();
     }
     wire.begin_cycles(1, 1_000);
-    let offset = Offset { position: 10, ..Offset::default() };
-    let targets = black_box([Target { position: 10, offset }; 9]);
+    let offset = Offset {
+        position: 10,
+        ..Offset::default()
+    };
+    let targets = black_box(
+        [Target {
+            position: 10,
+            offset,
+        }; 9],
+    );
     IS_COUNTED.store(true, Ordering::Relaxed);
     let outcome = measured(|| drives.cycle(&targets));
     IS_COUNTED.store(false, Ordering::Relaxed);

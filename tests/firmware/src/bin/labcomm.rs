@@ -1,5 +1,5 @@
-//! LabComm by itself: a decoder of eight definitions, and the two samples of the thesis in both directions. Its size is measured; it is
-//! not run.
+//! LabComm by itself: a decoder of eight definitions, and the two samples of the thesis in both
+//! directions. Its size is measured; it is not run.
 #![no_std]
 #![no_main]
 

@@ -1,7 +1,11 @@
-//! The firmware with a network: it serves a real client. An image of its own, because the TCP crate is not free of panics.
+//! The firmware with a network: it serves a real client. An image of its own, because the TCP crate
+//! is not free of panics.
 #![no_std]
 #![no_main]
-#![allow(dead_code, reason = "board and machine are those of the firmware, which uses all of them")]
+#![allow(
+    dead_code,
+    reason = "board and machine are those of the firmware, which uses all of them"
+)]
 
 #[path = "../board/mod.rs"]
 mod board;

@@ -1,4 +1,5 @@
-//! The server by itself: session, wire and channels of six axes, without kinematics. Its size is measured; it is not run.
+//! The server by itself: session, wire and channels of six axes, without kinematics. Its size is
+//! measured; it is not run.
 #![no_std]
 #![no_main]
 
@@ -11,8 +12,8 @@ use cortex_m_rt::entry;
 use gantry_tau_core::control::session::BlackBox;
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::{
-    AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters, PositionNm,
-    Reading, Session, Start, TickInput, Transport, Travel,
+    AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters,
+    PositionNm, Reading, Session, Start, TickInput, Transport, Travel,
 };
 
 /// The server, and storage for its black box.
@@ -31,14 +32,22 @@ struct Board {
 impl Board {
     /// A board at rest.
     fn new() -> Option<Self> {
-        let limits = Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 });
+        let limits = Limits::new(LimitValues {
+            max: 2_000_000,
+            step: 5_000,
+            accel: 10_000,
+            ramp: 100,
+        });
         let travel = Travel::around_zero(1_000_000_000);
         let axis = AxisConfig::position_only(limits.ok()?, travel, 2_000_000);
         let nominal = [PositionNm(0); 6];
         Some(Self {
             parameters: Parameters::thesis([axis; 6]),
             start: Start::at_rest(nominal),
-            epochs: EpochRange { first: Epoch(1), last: Epoch(4_096) },
+            epochs: EpochRange {
+                first: Epoch(1),
+                last: Epoch(4_096),
+            },
             tick: TickInput {
                 elapsed_cycles: 1,
                 reading: Some(Reading::unmeasured(nominal)),
@@ -72,14 +81,17 @@ fn main() -> ! {
     }
 }
 
-/// Starts the server; then opens, feeds, closes and ticks for ever. Behind a black box the compiler must assume that the board's
-/// memory changes and that references and frames are read.
+/// Starts the server; then opens, feeds, closes and ticks for ever. Behind a black box the compiler
+/// must assume that the board's memory changes and that references and frames are read.
 fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
     let board = black_box(board);
     let config = Config::new(board.parameters).ok()?;
     let session = Session::new(config, &board.start).ok()?;
     let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
-    let (server, recorder) = server.write((Endpoint::new(session, motors, board.epochs), BlackBox::new()));
+    let (server, recorder) = server.write((
+        Endpoint::new(session, motors, board.epochs),
+        BlackBox::new(),
+    ));
     loop {
         let seen = black_box(&mut *board);
         if let Ok(connection) = server.open(seen.transport) {

@@ -1,8 +1,11 @@
-//! The whole core: the server, and kinematics, statics and compensation of both machines. Its size is measured; it is not run.
-//! (`firmware` also has what plays recordings.)
+//! The whole core: the server, and kinematics, statics and compensation of both machines. Its size
+//! is measured; it is not run. (`firmware` also has what plays recordings.)
 #![no_std]
 #![no_main]
-#![allow(dead_code, reason = "the machine is that of the firmware, which uses all of it")]
+#![allow(
+    dead_code,
+    reason = "the machine is that of the firmware, which uses all of it"
+)]
 
 use core::hint::black_box;
 use core::mem::MaybeUninit;
@@ -42,9 +45,10 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 
 #[entry]
 fn main() -> ! {
-    if let (Some(board), Some(machine)) =
-        (singleton!(: Board = BOARD), singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()))
-    {
+    if let (Some(board), Some(machine)) = (
+        singleton!(: Board = BOARD),
+        singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()),
+    ) {
         serve(board, machine);
     }
     loop {
@@ -52,11 +56,13 @@ fn main() -> ! {
     }
 }
 
-/// Starts the server; then opens, feeds, closes and runs cycles for ever. Behind a black box the compiler must assume that the
-/// board's memory changes and that references and frames are read.
+/// Starts the server; then opens, feeds, closes and runs cycles for ever. Behind a black box the
+/// compiler must assume that the board's memory changes and that references and frames are read.
 fn serve(board: &mut Board, machine: &mut MaybeUninit<Machine>) -> Option<()> {
     let board = black_box(board);
-    let cycle = ControlCycle::write(singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit())?).ok()?;
+    let cycle =
+        ControlCycle::write(singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit())?)
+            .ok()?;
     let parts = Parts::new(cycle, Capabilities::NONE, board.nominal).ok()?;
     let machine = machine.write(Machine::new(parts));
     loop {

@@ -12,7 +12,8 @@ const RELOAD: *mut u32 = without_provenance_mut(0x4000_0008);
 
 /// Lets the timer run, downwards and round.
 pub(super) fn start() {
-    // SAFETY: registers of the board's timer, which nothing else touches; every value of them is allowed.
+    // SAFETY: registers of the board's timer, which nothing else touches; every value of them is
+    // allowed.
     unsafe {
         RELOAD.write_volatile(u32::MAX);
         VALUE.write_volatile(u32::MAX);

@@ -1,13 +1,16 @@
-//! Copying and clearing of memory, as the ABI of Arm names it. The compiler's own spends five instructions on a word; a tick copies
-//! seven thousand bytes (a session, what it is given, what it gives back), and a board's C library would do it like this.
+//! Copying and clearing of memory, as the ABI of Arm names it. The compiler's own spends five
+//! instructions on a word; a tick copies seven thousand bytes (a session, what it is given, what it
+//! gives back), and a board's C library would do it like this.
 //!
-//! Sound because only r0 to r3 and r12 are left changed, as the ABI allows, and because single loads and stores may be unaligned: the
-//! memory is normal, and CCR.UNALIGN_TRP is never set. At the start the firmware copies and compares all small lengths ([`is_exact`]).
+//! Sound because only r0 to r3 and r12 are left changed, as the ABI allows, and because single
+//! loads and stores may be unaligned: the memory is normal, and CCR.UNALIGN_TRP is never set. At
+//! the start the firmware copies and compares all small lengths ([`is_exact`]).
 
 use core::arch::global_asm;
 use core::hint::black_box;
 
-// r0 to, r1 from, r2 bytes. Both addresses are multiples of 4 (or of 8, which is as good): sixteen bytes, words, bytes.
+// r0 to, r1 from, r2 bytes. Both addresses are multiples of 4 (or of 8, which is as good): sixteen
+// bytes, words, bytes.
 global_asm!(
     ".global __aeabi_memcpy4, __aeabi_memcpy8",
     ".type __aeabi_memcpy4, %function",
@@ -44,7 +47,8 @@ global_asm!(
     ".size __aeabi_memcpy8, . - __aeabi_memcpy8",
 );
 
-// r0 to, r1 from, r2 bytes, wherever they are: a single load or store may be unaligned here, several at once may not.
+// r0 to, r1 from, r2 bytes, wherever they are: a single load or store may be unaligned here,
+// several at once may not.
 global_asm!(
     ".global __aeabi_memcpy",
     ".type __aeabi_memcpy, %function",
@@ -113,7 +117,9 @@ global_asm!(
 pub(crate) fn is_exact() -> bool {
     // Behind a black box: the compiler shall call what is tried here.
     let mut lengths = (0..40).map(black_box);
-    lengths.all(|length| (0..4).all(|shift| bytes_are_copied(length, shift)) && words_are_copied_and_cleared(length))
+    lengths.all(|length| {
+        (0..4).all(|shift| bytes_are_copied(length, shift)) && words_are_copied_and_cleared(length)
+    })
 }
 
 fn bytes_are_copied(length: usize, shift: usize) -> bool {

@@ -1,4 +1,5 @@
-//! Requests to the emulator (semihosting): files, and its end. The calls are made here, because a crate's `write_all` links panics.
+//! Requests to the emulator (semihosting): files, and its end. The calls are made here, because a
+//! crate's `write_all` links panics.
 
 use core::ffi::CStr;
 
@@ -6,7 +7,11 @@ use cortex_m_semihosting::{debug, nr, syscall};
 
 /// Ends the emulator, with exit code 0 if all went well, else 1.
 pub(crate) fn exit(well: bool) -> ! {
-    let status = if well { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE };
+    let status = if well {
+        debug::EXIT_SUCCESS
+    } else {
+        debug::EXIT_FAILURE
+    };
     loop {
         debug::exit(status);
     }
@@ -35,7 +40,7 @@ impl File {
     }
 
     fn with_mode(name: &CStr, mode: usize) -> Option<Self> {
-        // SAFETY: the call reads the name, whose length it is told.
+        // SAFETY: the call reads the name, whose length it is given.
         let handle = unsafe { syscall!(OPEN, name.as_ptr(), mode, name.count_bytes()) };
         (handle != usize::MAX).then_some(Self { handle })
     }

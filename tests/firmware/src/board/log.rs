@@ -1,4 +1,5 @@
-//! The way of log messages: to the emulator's console, as defmt encodes them. The ready-made way (defmt-semihosting) links panics.
+//! The way of log messages: to the emulator's console, as defmt encodes them. The ready-made way
+//! (defmt-semihosting) links panics.
 
 use core::cell::UnsafeCell;
 
@@ -20,7 +21,10 @@ struct Shared(UnsafeCell<Stream>);
 // SAFETY: one processor, and only main logs; no interrupt does.
 unsafe impl Sync for Shared {}
 
-static STREAM: Shared = Shared(UnsafeCell::new(Stream { console: None, encoder: defmt::Encoder::new() }));
+static STREAM: Shared = Shared(UnsafeCell::new(Stream {
+    console: None,
+    encoder: defmt::Encoder::new(),
+}));
 
 /// Lets `step` encode; what cannot be written is lost.
 fn encode(step: impl FnOnce(&mut defmt::Encoder, &mut dyn FnMut(&[u8]))) {

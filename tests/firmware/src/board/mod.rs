@@ -1,4 +1,5 @@
-//! The emulated boards mps2-an500 (Cortex-M7) and mps2-an386 (Cortex-M4F): a timer interrupt, a clock, a console.
+//! The emulated boards mps2-an500 (Cortex-M7) and mps2-an386 (Cortex-M4F): a timer interrupt, a
+//! clock, a console.
 #![allow(
     unsafe_code,
     reason = "registers, linker's symbols, an interrupt and copying in assembly; each block says why it is sound"

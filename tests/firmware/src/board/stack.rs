@@ -16,7 +16,8 @@ unsafe extern "C" {
 #[inline(never)]
 pub(crate) fn forget() {
     let here = 0_u32;
-    // Below this function's own frame nothing is in use; an interrupt's frame would come and go, and be seen.
+    // Below this function's own frame nothing is in use; an interrupt's frame would come and go,
+    // and be seen.
     let top = addr_of!(here).wrapping_sub(64);
     let mut word = addr_of!(_stack_end).cast_mut();
     while word.cast_const() < top {
@@ -30,8 +31,8 @@ pub(crate) fn forget() {
 pub(crate) fn high_water() -> usize {
     let (lowest, highest) = (addr_of!(_stack_end), addr_of!(_stack_start));
     let mut word = lowest;
-    // SAFETY: all words between the two symbols are memory, which nothing but the stack uses; the reads are volatile because the
-    // compiler does not know of the filling.
+    // SAFETY: all words between the two symbols are memory, which nothing but the stack uses; the
+    // reads are volatile because the compiler does not know of the filling.
     while word < highest && unsafe { word.read_volatile() } == PATTERN {
         // SAFETY: at most one past the last.
         word = unsafe { word.add(1) };

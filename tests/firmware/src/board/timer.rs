@@ -32,10 +32,12 @@ impl Ticks {
         Self { seen: 0 }
     }
 
-    /// Sleeps until the next tick, if it has not come; returns how many came since the last call, at least 1.
+    /// Sleeps until the next tick, if it has not come; returns how many came since the last call,
+    /// at least 1.
     pub(crate) fn wait(&mut self) -> u32 {
         loop {
-            // An interrupt between the look and the sleep would be slept through: it is held back until then, and ends the sleep.
+            // An interrupt between the look and the sleep would be slept through: it is held back
+            // until then, and ends the sleep.
             let now = cortex_m::interrupt::free(|_| {
                 let now = TICKS.load(Ordering::Relaxed);
                 if now == self.seen {

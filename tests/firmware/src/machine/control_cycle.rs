@@ -41,11 +41,13 @@ pub(crate) struct L2Result {
 }
 
 impl ControlCycle {
-    /// Builds both machines in `place`. Not inlined, so that its stack is free again before the server is built.
+    /// Builds both machines in `place`. Not inlined, so that its stack is free again before the
+    /// server is built.
     #[inline(never)]
     pub(crate) fn write(place: &mut MaybeUninit<Self>) -> Result<&mut Self, SetupError> {
         let (robot, springs) = robots::l2().map_err(|_| SetupError::Robot)?;
-        let kinematics = l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| SetupError::Robot)?;
+        let kinematics =
+            l2::Kinematics::new(&robot, &Matrix3::identity()).map_err(|_| SetupError::Robot)?;
         let cycle = Self {
             sensor: ForceSensor::new(robots::sensor()).map_err(|_| SetupError::Compensation)?,
             load: Wrench::zero(),
@@ -67,7 +69,12 @@ impl ControlCycle {
         match input.motion {
             Motion::Given | Motion::L2 => {
                 // Its platform never turns.
-                measure(&mut self.sensor, &mut self.load, &sample, &Matrix3::identity());
+                measure(
+                    &mut self.sensor,
+                    &mut self.load,
+                    &sample,
+                    &Matrix3::identity(),
+                );
                 CycleResult::L2(self.run_l2(&input.pose))
             }
             Motion::F1 => CycleResult::F1(self.run_f1(&input.pose, &sample)),
@@ -75,7 +82,12 @@ impl ControlCycle {
     }
 
     fn run_f1(&mut self, pose: &Pose6, sample: &Wrench) -> Result<&F1Result, KinematicsError> {
-        measure(&mut self.sensor, &mut self.load, sample, self.f1.locate(pose)?);
+        measure(
+            &mut self.sensor,
+            &mut self.load,
+            sample,
+            self.f1.locate(pose)?,
+        );
         self.f1.carry(&self.load)
     }
 
@@ -94,7 +106,8 @@ fn measure(sensor: &mut ForceSensor, load: &mut Wrench, sample: &Wrench, rotatio
 }
 
 impl CycleResult<'_> {
-    /// Returns the nominal positions of the server's axes; `None` after an error, or beyond the range of positions.
+    /// Returns the nominal positions of the server's axes; `None` after an error, or beyond the
+    /// range of positions.
     pub(crate) fn nominal(&self) -> Option<[PositionNm; AXES]> {
         let metres = match self {
             Self::L2(result) => {

@@ -43,14 +43,19 @@ impl F1 {
         let kinematics = f1::Kinematics::new(&robot);
         Ok(Self {
             checksum: kinematics.checksum(&robots::F1_METRES_PER_Q),
-            compensator: f1::Compensator::new(&kinematics, &springs, robots::compensation(robots::F1_METRES_PER_Q))
-                .map_err(|_| SetupError::Compensation)?,
+            compensator: f1::Compensator::new(
+                &kinematics,
+                &springs,
+                robots::compensation(robots::F1_METRES_PER_Q),
+            )
+            .map_err(|_| SetupError::Compensation)?,
             result: UNSOLVED,
             has_plates: false,
         })
     }
 
-    /// Begins a cycle: returns the rotation of the platform. The parts of a cycle are not inlined, so that their stack use does not add up.
+    /// Begins a cycle: returns the rotation of the platform. The parts of a cycle are not inlined,
+    /// so that their stack use does not add up.
     pub(crate) fn locate(&mut self, pose: &Pose6) -> Result<&Matrix3<f64>, KinematicsError> {
         self.find_positions(pose)?;
         Ok(&self.result.pose.value.rotation)
@@ -74,7 +79,8 @@ impl F1 {
         let (kinematics, result) = (self.compensator.machine().kinematics(), &mut self.result);
         let pose = Pose {
             position_m: Vector3::new(*x, *y, *z),
-            rotation: rotation_from_vector(&Vector3::new(*a, *b, *c)).ok_or(KinematicsError::NotFinite)?,
+            rotation: rotation_from_vector(&Vector3::new(*a, *b, *c))
+                .ok_or(KinematicsError::NotFinite)?,
         };
         let [.., q4, q5, q6] = result.q.value;
         result.q = kinematics.inverse(&pose, is_warm.then_some([q4, q5, q6]))?;
@@ -85,7 +91,11 @@ impl F1 {
 
     /// Computes link tensions, loads of the axes, twist over axes.
     #[inline(never)]
-    fn find_statics(&mut self, lines: &LineMatrix<AXES>, load: &Wrench) -> Result<(), KinematicsError> {
+    fn find_statics(
+        &mut self,
+        lines: &LineMatrix<AXES>,
+        load: &Wrench,
+    ) -> Result<(), KinematicsError> {
         let result = &mut self.result;
         result.forces_n = lines.link_forces_n(load)?;
         result.loads = lines.cart_loads(&result.forces_n);
@@ -95,7 +105,11 @@ impl F1 {
 
     /// Computes the offsets that hold the pose under the load.
     #[inline(never)]
-    fn find_correction(&mut self, lines: &LineMatrix<AXES>, load: &Wrench) -> Result<(), KinematicsError> {
+    fn find_correction(
+        &mut self,
+        lines: &LineMatrix<AXES>,
+        load: &Wrench,
+    ) -> Result<(), KinematicsError> {
         let result = &mut self.result;
         let (pose, q) = (&result.pose.value, &result.q.value);
         result.correction = self.compensator.correct_of(lines, pose, q, load)?;

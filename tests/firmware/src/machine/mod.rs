@@ -1,7 +1,9 @@
-//! The server and its machine: one cycle of the firmware. The same file is compiled into the test, which runs it on the host.
+//! The server and its machine: one cycle of the firmware. The same file is compiled into the test,
+//! which runs it on the host.
 //!
-//! A cycle has two halves. [`Machine::compute`] is the float part: from a pose to the nominal positions of six axes, and from a
-//! load to the offsets that hold the tool there. [`Machine::serve`] is the endpoint's tick.
+//! A cycle has two halves. [`Machine::compute`] is the float part: from a pose to the nominal
+//! positions of six axes, and from a load to the offsets that hold the tool there.
+//! [`Machine::serve`] is the endpoint's tick.
 
 mod control_cycle;
 mod f1;
@@ -11,7 +13,9 @@ use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput};
+use gantry_tau_core::control::session::{
+    BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
+};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 
 pub(crate) use control_cycle::{ControlCycle, CycleResult};
@@ -59,7 +63,8 @@ pub(crate) enum Motion {
 /// Input of a cycle, beside the bytes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CycleInput {
-    /// Input of the endpoint; its nominal positions and measurements count for [`Motion::Given`] only.
+    /// Input of the endpoint; its nominal positions and measurements count for [`Motion::Given`]
+    /// only.
     pub(crate) tick: TickInput<AXES>,
     /// Source of the nominal positions.
     pub(crate) motion: Motion,
@@ -144,14 +149,21 @@ impl Parts {
     ) -> Result<Self, SetupError> {
         let parameters = robots::parameters(cycle.checksum(), capabilities)?;
         let config = Config::new(parameters).map_err(|_| SetupError::Session)?;
-        let session = Session::new(config, &Start::at_rest(nominal)).map_err(|_| SetupError::Session)?;
+        let session =
+            Session::new(config, &Start::at_rest(nominal)).map_err(|_| SetupError::Session)?;
         let motors = MotorMap::new(AXIS_OF_MOTOR).map_err(|_| SetupError::Session)?;
-        Ok(Self { session, motors, cycle, nominal })
+        Ok(Self {
+            session,
+            motors,
+            cycle,
+            nominal,
+        })
     }
 }
 
 impl Machine {
-    /// Creates the machine, its server without connections. Epochs are not persisted: an emulated machine never runs twice.
+    /// Creates the machine, its server without connections. Epochs are not persisted: an emulated
+    /// machine never runs twice.
     // Inlined, so that it is written to its place and never lies on the stack.
     #[inline(always)]
     pub(crate) const fn new(parts: Parts) -> Self {
@@ -177,7 +189,11 @@ impl Machine {
     /// Runs the float half of a cycle. After an error of the kinematics the nominal positions stay.
     // Not inlined, nor is the second half, so that their stack use does not add up.
     #[inline(never)]
-    pub(crate) fn compute(&mut self, input: &CycleInput, meter: &mut impl Meter) -> CycleResult<'_> {
+    pub(crate) fn compute(
+        &mut self,
+        input: &CycleInput,
+        meter: &mut impl Meter,
+    ) -> CycleResult<'_> {
         meter.begin();
         let result = self.cycle.run(input);
         self.input = input.tick;
@@ -191,7 +207,8 @@ impl Machine {
         result
     }
 
-    /// Runs the integer half of a cycle: the tick, then its frames. Returns the references of the motors.
+    /// Runs the integer half of a cycle: the tick, then its frames. Returns the references of the
+    /// motors.
     #[inline(never)]
     pub(crate) fn serve(
         &mut self,
@@ -204,7 +221,7 @@ impl Machine {
             send(to, frame);
         }
         meter.end(Part::Tick);
-        // A perfect drive is where it was told to be.
+        // A perfect drive is at its reference.
         if let Some(output) = self.server.output().filter(|output| !output.withheld) {
             for (actual, reference) in self.last.actual.iter_mut().zip(&output.references) {
                 actual.position = reference.position;

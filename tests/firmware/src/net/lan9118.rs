@@ -1,4 +1,5 @@
-//! SMSC LAN9118, polled, as a smoltcp device: one frame in and one frame out at a time, in buffers of its own.
+//! SMSC LAN9118, polled, as a smoltcp device: one frame in and one frame out at a time, in buffers
+//! of its own.
 
 use smoltcp::phy::{self, Device, DeviceCapabilities, Medium};
 use smoltcp::time::Instant;
@@ -82,22 +83,26 @@ impl Lan9118 {
     /// # Errors
     /// [`LanError`].
     pub(crate) fn new(address: [u8; 6]) -> Result<Self, LanError> {
-        let mut lan = Self { registers: Registers::of_board(), received: [0; BUFFER], to_send: [0; BUFFER] };
+        let mut lan = Self {
+            registers: Registers::of_board(),
+            received: [0; BUFFER],
+            to_send: [0; BUFFER],
+        };
         lan.find()?;
         lan.reset()?;
         let [a, b, c, d, e, f] = address;
         lan.write_mac(mac::ADDRL, u32::from_le_bytes([a, b, c, d]))?;
         lan.write_mac(mac::ADDRH, u32::from_le_bytes([e, f, 0, 0]))?;
         lan.registers.write(Register::INT_EN, 0);
-        lan.registers.write(Register::TX_CFG, TX_ON_AND_ALLOW_STATUS_OVERRUN);
+        lan.registers
+            .write(Register::TX_CFG, TX_ON_AND_ALLOW_STATUS_OVERRUN);
         lan.write_mac(mac::CR, mac::RUN)?;
         Ok(lan)
     }
 
     fn find(&self) -> Result<(), LanError> {
         // The first reads may find the chip asleep.
-        let awake = || self.registers.read(Register::BYTE_TEST) == BYTE_ORDER;
-        if !(0..PATIENCE).any(|_| awake()) {
+        if !(0..PATIENCE).any(|_| self.registers.read(Register::BYTE_TEST) == BYTE_ORDER) {
             let byte_test = self.registers.read(Register::BYTE_TEST);
             return Err(LanError::Absent { byte_test });
         }
@@ -110,26 +115,34 @@ impl Lan9118 {
 
     fn reset(&mut self) -> Result<(), LanError> {
         self.registers.write(Register::HW_CFG, SOFT_RESET);
-        self.await_clear(Register::HW_CFG, SOFT_RESET).ok_or(LanError::Reset)?;
-        self.registers.write(Register::HW_CFG, MUST_BE_ONE_AND_TX_5K);
+        self.await_clear(Register::HW_CFG, SOFT_RESET)
+            .ok_or(LanError::Reset)?;
+        self.registers
+            .write(Register::HW_CFG, MUST_BE_ONE_AND_TX_5K);
         Ok(())
     }
 
     fn write_mac(&mut self, register: u32, value: u32) -> Result<(), LanError> {
         let stuck = LanError::Mac { register };
-        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY).ok_or(stuck)?;
+        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY)
+            .ok_or(stuck)?;
         self.registers.write(Register::MAC_CSR_DATA, value);
-        self.registers.write(Register::MAC_CSR_CMD, CSR_BUSY | register);
-        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY).ok_or(stuck)
+        self.registers
+            .write(Register::MAC_CSR_CMD, CSR_BUSY | register);
+        self.await_clear(Register::MAC_CSR_CMD, CSR_BUSY)
+            .ok_or(stuck)
     }
 
     /// Waits for a bit that clears itself.
     fn await_clear(&self, register: Register, bit: u32) -> Option<()> {
-        (0..PATIENCE).any(|_| self.registers.read(register) & bit == 0).then_some(())
+        (0..PATIENCE)
+            .any(|_| self.registers.read(register) & bit == 0)
+            .then_some(())
     }
 
-    /// Takes the next frame out of the FIFOs into the buffer; its length without checksum. A frame with errors is taken and dropped.
-    fn take(&mut self) -> Option<usize> {
+    /// Receives the next frame from the FIFOs into the buffer; its length without checksum. A frame
+    /// with errors is dropped.
+    fn receive_frame(&mut self) -> Option<usize> {
         loop {
             let waiting = self.registers.read(Register::RX_FIFO_INF) >> 16 & 0xff;
             if waiting == 0 {
@@ -169,7 +182,7 @@ fn send(registers: &mut Registers, buffer: &[u8; BUFFER], length: usize) {
         let word = <[u8; 4]>::try_from(word).unwrap_or_default();
         registers.write(Register::TX_DATA_FIFO, u32::from_le_bytes(word));
     }
-    // Nobody asks what became of it: TCP sends again what got lost.
+    // What became of it is not asked for: TCP sends again what got lost.
     while registers.read(Register::TX_FIFO_INF) >> 16 & 0xff != 0 {
         let _ = registers.read(Register::TX_STATUS_FIFO);
     }
@@ -192,7 +205,7 @@ pub(crate) struct TxToken<'a> {
 
 impl phy::TxToken for TxToken<'_> {
     fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, length: usize, write: F) -> R {
-        // smoltcp asks for no more than `MAX_FRAME`, which it was told.
+        // smoltcp asks for no more than `MAX_FRAME`, which it was given.
         let place = self.buffer.get_mut(..length).unwrap_or_default();
         let result = write(place);
         send(self.registers, self.buffer, length);
@@ -208,13 +221,19 @@ impl Device for Lan9118 {
         if !self.has_room() {
             return None;
         }
-        let length = self.take()?;
-        let sending = TxToken { registers: &mut self.registers, buffer: &mut self.to_send };
+        let length = self.receive_frame()?;
+        let sending = TxToken {
+            registers: &mut self.registers,
+            buffer: &mut self.to_send,
+        };
         Some((RxToken(self.received.get(..length)?), sending))
     }
 
     fn transmit(&mut self, _now: Instant) -> Option<TxToken<'_>> {
-        self.has_room().then_some(TxToken { registers: &mut self.registers, buffer: &mut self.to_send })
+        self.has_room().then_some(TxToken {
+            registers: &mut self.registers,
+            buffer: &mut self.to_send,
+        })
     }
 
     fn capabilities(&self) -> DeviceCapabilities {

@@ -1,6 +1,8 @@
 //! The registers of the LAN9118, by name; the only volatile accesses of the driver.
 
-use core::ptr::{read_volatile, with_exposed_provenance, with_exposed_provenance_mut, write_volatile};
+use core::ptr::{
+    read_volatile, with_exposed_provenance, with_exposed_provenance_mut, write_volatile,
+};
 
 /// The processor's identity; the same place in every Cortex-M.
 const CPUID: usize = 0xe000_ed00;
@@ -38,14 +40,16 @@ impl Register {
     pub(super) const MAC_CSR_DATA: Self = Self(0xa8);
 }
 
-/// The block of registers. There is one controller, and [`super::lan9118::Lan9118`] is its one user.
+/// The block of registers. There is one controller, and [`super::lan9118::Lan9118`] is its one
+/// user.
 #[derive(Debug)]
 pub(super) struct Registers {
     base: usize,
 }
 
 impl Registers {
-    /// The controller's registers: the MPS2 board with a Cortex-M7 (AN500) has them elsewhere than the one with a Cortex-M4F (AN386).
+    /// The controller's registers: the MPS2 board with a Cortex-M7 (AN500) has them elsewhere than
+    /// the one with a Cortex-M4F (AN386).
     pub(super) fn of_board() -> Self {
         // The part number.
         let is_m7 = read(CPUID) >> 4 & 0xfff == 0xc27;
@@ -67,13 +71,15 @@ impl Registers {
 /// Reads the word at an address of this module: [`CPUID`], or a [`Register`] from a base.
 #[expect(unsafe_code, reason = "registers are read by address")]
 fn read(address: usize) -> u32 {
-    // SAFETY: those words are devices, which the board has for ever: aligned, every bit pattern is a `u32`, no Rust object lies there.
+    // SAFETY: those words are devices, which the board has for ever: aligned, every bit pattern is
+    // a `u32`, no Rust object lies there.
     unsafe { read_volatile(with_exposed_provenance(address)) }
 }
 
 /// Writes the word at an address of this module.
 #[expect(unsafe_code, reason = "registers are written by address")]
 fn write(address: usize, value: u32) {
-    // SAFETY: as for `read`; and the controller masters no bus, so no value written to it can change memory.
+    // SAFETY: as for `read`; and the controller masters no bus, so no value written to it can
+    // change memory.
     unsafe { write_volatile(with_exposed_provenance_mut(address), value) }
 }

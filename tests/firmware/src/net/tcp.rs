@@ -2,7 +2,9 @@
 
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::session::Connection;
-use smoltcp::iface::{Config, Interface, PollIngressSingleResult, SocketHandle, SocketSet, SocketStorage};
+use smoltcp::iface::{
+    Config, Interface, PollIngressSingleResult, SocketHandle, SocketSet, SocketStorage,
+};
 use smoltcp::socket::tcp::{Socket, SocketBuffer};
 use smoltcp::time::Instant;
 use smoltcp::wire::{EthernetAddress, IpCidr, Ipv4Address};
@@ -48,7 +50,11 @@ pub(crate) struct Storage {
 
 impl Storage {
     pub(crate) const fn new() -> Self {
-        Self { sockets: [SocketStorage::EMPTY; SOCKETS], receive: [[0; RECEIVE]; SOCKETS], send: [[0; SEND]; SOCKETS] }
+        Self {
+            sockets: [SocketStorage::EMPTY; SOCKETS],
+            receive: [[0; RECEIVE]; SOCKETS],
+            send: [[0; SEND]; SOCKETS],
+        }
     }
 }
 
@@ -93,7 +99,12 @@ pub(crate) struct Server {
 
 impl Server {
     /// Listens. `seed` makes TCP's initial sequence numbers.
-    pub(crate) fn new(mut lan: Lan9118, place: &Place, storage: &'static mut Storage, seed: u64) -> Self {
+    pub(crate) fn new(
+        mut lan: Lan9118,
+        place: &Place,
+        storage: &'static mut Storage,
+        seed: u64,
+    ) -> Self {
         let hardware = EthernetAddress(place.hardware);
         let mut config = Config::new(hardware.into());
         config.random_seed = seed;
@@ -104,17 +115,25 @@ impl Server {
         let router = Ipv4Address::new(a, b, c, d);
         // There is room for one of each.
         interface.update_ip_addrs(|addresses| {
-            addresses.push(IpCidr::new(address, place.network_bits)).unwrap_or(());
+            addresses
+                .push(IpCidr::new(address, place.network_bits))
+                .unwrap_or(());
         });
         let _ = interface.routes_mut().add_default_ipv4_route(router);
         let mut sockets = SocketSet::new(&mut storage.sockets[..]);
         let mut peers = [const { None }; SOCKETS];
         let buffers = storage.receive.iter_mut().zip(&mut storage.send);
         for (peer, (receive, send)) in peers.iter_mut().zip(buffers) {
-            let mut socket = Socket::new(SocketBuffer::new(&mut receive[..]), SocketBuffer::new(&mut send[..]));
+            let mut socket = Socket::new(
+                SocketBuffer::new(&mut receive[..]),
+                SocketBuffer::new(&mut send[..]),
+            );
             // A State must leave at once, and a Command is its acknowledgement.
             socket.set_nagle_enabled(false);
-            *peer = Some(Peer { socket: sockets.add(socket), used: Use::Free });
+            *peer = Some(Peer {
+                socket: sockets.add(socket),
+                used: Use::Free,
+            });
         }
         let mut server = Self {
             lan,
@@ -224,7 +243,13 @@ fn next_use(
                 return closing(socket, now_ms);
             };
             let gone = false;
-            next_use(Use::Peer { connection, gone }, socket, now_ms, endpoint, budget)
+            next_use(
+                Use::Peer { connection, gone },
+                socket,
+                now_ms,
+                endpoint,
+                budget,
+            )
         }
         Use::Arriving { until } | Use::Closing { until } => {
             if !socket.is_open() {

@@ -1,4 +1,7 @@
-//! Rows that are grossly wrong: they are named and left out, and the machine is found from the others.
+//! Rows that are grossly wrong: they are named and left out, and the machine is found from the
+//! others.
+
+use gantry_tau_test_support::seeds::Seeds;
 
 use super::*;
 
@@ -15,7 +18,11 @@ const MISTAKES: [Mistake; 6] = [
     ("no reading, -999", |row, axes| row[axes + 2] = -999.0),
     (NOTHING, |row, axes| row[axes..axes + 3].fill(-999.0)),
     ("an axis 0.3 off", |row, _| row[1] += 0.3),
-    ("centimetres", |row, axes| row[axes..axes + 3].iter_mut().for_each(|value| *value *= 1e2)),
+    ("centimetres", |row, axes| {
+        row[axes..axes + 3]
+            .iter_mut()
+            .for_each(|value| *value *= 1e2)
+    }),
 ];
 
 /// Changes the rows of a table, by number, and returns the names of their poses.
@@ -28,10 +35,20 @@ fn spoil(setup: &Path, rows: &[usize], axes: usize, spoil: fn(&mut [f64], usize)
             return text.to_owned();
         }
         let (name, numbers) = text.split_once(',').unwrap();
-        let mut numbers: Vec<f64> = numbers.split(',').map(|number| number.parse().unwrap()).collect();
+        let mut numbers: Vec<f64> = numbers
+            .split(',')
+            .map(|number| number.parse().unwrap())
+            .collect();
         spoil(&mut numbers, axes);
         names.push(name.to_owned());
-        format!("{name},{}", numbers.iter().map(|number| format!("{number:?}")).collect::<Vec<_>>().join(","))
+        format!(
+            "{name},{}",
+            numbers
+                .iter()
+                .map(|number| format!("{number:?}"))
+                .collect::<Vec<_>>()
+                .join(",")
+        )
     });
     let lines: Vec<String> = lines.collect();
     fs::write(table, lines.join("\n") + "\n").unwrap();
@@ -41,14 +58,19 @@ fn spoil(setup: &Path, rows: &[usize], axes: usize, spoil: fn(&mut [f64], usize)
 /// Names of the poses that were left out.
 fn left_out(calibration: &Calibration) -> Vec<String> {
     let answer: serde_json::Value = serde_json::from_str(&calibration.json).unwrap();
-    let name = |outlier: &serde_json::Value| outlier["pose"].as_str().unwrap().to_owned();
-    answer["outliers"].as_array().unwrap().iter().map(name).collect()
+    answer["outliers"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|outlier| outlier["pose"].as_str().unwrap().to_owned())
+        .collect()
 }
 
 /// A number of rows of a table of `count`.
 fn some_rows(draw: &mut Draw, count: u64, most: u64) -> Vec<usize> {
-    let mut rows: Vec<usize> =
-        (0..1 + draw.0.number() % most).map(|_| usize::try_from(draw.0.number() % count).unwrap()).collect();
+    let mut rows: Vec<usize> = (0..1 + draw.0.number() % most)
+        .map(|_| usize::try_from(draw.0.number() % count).unwrap())
+        .collect();
     rows.sort_unstable();
     rows.dedup();
     rows
@@ -65,9 +87,14 @@ fn gross_rows_of_an_l2_are_named_and_left_out() {
         let setup = measure(&folder, &machine, &positions, &mut draw);
         let rows = some_rows(&mut draw, 30, if mistake == NOTHING { 1 } else { 3 });
         let names = spoil(&setup, &rows, AXES, change);
-        let calibration = calibrate(&setup).unwrap_or_else(|error| panic!("{trial}, {mistake}, {names:?}: {error}"));
+        let calibration = calibrate(&setup)
+            .unwrap_or_else(|error| panic!("{trial}, {mistake}, {names:?}: {error}"));
         assert_eq!(left_out(&calibration), names, "{trial}: {mistake}");
-        assert!(calibration.summary.contains(&names.join(", ")), "{}", calibration.summary);
+        assert!(
+            calibration.summary.contains(&names.join(", ")),
+            "{}",
+            calibration.summary
+        );
         let away_m = apart_m(&l2("found", &calibration.robot_file), &machine, &positions);
         assert!(away_m < 0.5e-3, "{trial}, {mistake}: {away_m}");
     }
@@ -78,16 +105,27 @@ fn gross_rows_of_an_f1_are_named_and_left_out() {
     let folder = folder("gross-f1");
     let mut draw = Draw(Noise::new(42));
     let robot = RobotFile::builtin_f1().unwrap();
-    for (trial, (mistake, change)) in MISTAKES.into_iter().enumerate() {
+    let seeds = Seeds::new(2, 6);
+    for (trial, (mistake, change)) in seeds.spread(MISTAKES.into_iter().enumerate()) {
         let setup = measure_f1(&folder, &robot, 40, &f1_target(), 0.1, &mut draw);
         let rows = some_rows(&mut draw, 40, if mistake == NOTHING { 1 } else { 3 });
         let names = spoil(&setup, &rows, F1_AXES, change);
         let calibration = calibrate_f1(&robot, &options(&setup, "f1"))
             .unwrap_or_else(|error| panic!("{trial}, {mistake}, {names:?}: {error}"));
         assert_eq!(left_out(&calibration), names, "{trial}: {mistake}");
-        assert!(calibration.summary.contains(&names.join(", ")), "{}", calibration.summary);
+        assert!(
+            calibration.summary.contains(&names.join(", ")),
+            "{}",
+            calibration.summary
+        );
         // A tenth of the noise that is stated.
-        let is_told = |doubt: &String| doubt.starts_with("the stated noise is ");
-        assert!(calibration.doubts.iter().any(is_told), "{:?}", calibration.doubts);
+        assert!(
+            calibration
+                .doubts
+                .iter()
+                .any(|doubt| doubt.starts_with("the stated noise is ")),
+            "{:?}",
+            calibration.doubts
+        );
     }
 }

@@ -1,17 +1,18 @@
 //! The machines of which the theorem is asked.
 
-use gantry_tau::gauge_link::GaugePublisher;
-use gantry_tau::measurements::plan;
-use gantry_tau::model::MachineKind;
-use gantry_tau::plant::Plant;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
-use gantry_tau::server::cycle::Row;
-use gantry_tau::sim::campaign::SessionSwitch;
-use gantry_tau::sim::load_generator::load_generator;
-use gantry_tau::sim::parameters::Motion;
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::Config;
+use gantry_tau_identify::experiment::campaign_machine::{CampaignMachine, SessionSwitch};
+use gantry_tau_identify::measurements::plan;
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::{AnyRobotFile, RobotFile, text_of};
+use gantry_tau_server::links::gauges::GaugePublisher;
+use gantry_tau_server::plant::Plant;
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_sim::load_generator::load_generator;
+use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_tests::fake_plant::Bus;
 use gantry_tau_tests::server_fixture::{LOOPBACK, parameters};
 
@@ -29,7 +30,14 @@ fn ask<K: MachineKind<N>, P: Plant<N, M>, const N: usize, const M: usize>(
 ) -> Result<Counts, String> {
     let motors = robot.motor_map::<M>().unwrap();
     let (plant, watch) = Watched::new(plant, motors, false);
-    Run::new(robot.session_config(Capabilities::NONE).unwrap(), motors, plant, watch, SEED).ticks(TICKS)
+    Run::new(
+        robot.session_config(Capabilities::NONE).unwrap(),
+        motors,
+        plant,
+        watch,
+        SEED,
+    )
+    .ticks(TICKS)
 }
 
 /// A path that always moves, at most 100 nm per tick times 1 000.
@@ -43,17 +51,29 @@ fn path<const N: usize>(start_m: [f64; N]) -> Motion<N> {
 }
 
 /// The simulated machine of a file, on that path.
-fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>) -> Result<Counts, String> {
+fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+) -> Result<Counts, String> {
     let (_hand, tool) = load_generator();
     let home_q = robot.home_q().unwrap();
     let home_m = std::array::from_fn(|axis| home_q[axis] * robot.metres_per_q[axis]);
-    ask(robot, robot.simulated_machine::<M>(tool, path(home_m)).unwrap())
+    ask(
+        robot,
+        SimulatedMachine::<N, M>::from_robot(robot, tool, path(home_m)).unwrap(),
+    )
 }
 
 fn fake(lies: bool) -> Result<Counts, String> {
     let motors = MotorMap::new([0, 1, 2]).unwrap();
     let (plant, watch) = Watched::<Bus<3>, 3, 3>::new(Bus::default(), motors, lies);
-    Run::new(Config::new(parameters()).unwrap(), motors, plant, watch, SEED).ticks(TICKS)
+    Run::new(
+        Config::new(parameters()).unwrap(),
+        motors,
+        plant,
+        watch,
+        SEED,
+    )
+    .ticks(TICKS)
 }
 
 #[test]
@@ -61,7 +81,8 @@ fn of_the_fake_machine() {
     fake(false).unwrap().assert_much();
 }
 
-/// The check can fail: a machine that says it refused what its drives took goes forth by S and back by S and a step of the ramp.
+/// The check can fail: a machine that says it refused what its drives took goes forth by S and back
+/// by S and a step of the ramp.
 #[test]
 fn not_of_a_machine_whose_refused_writes_act() {
     let error = fake(true).unwrap_err();
@@ -70,14 +91,22 @@ fn not_of_a_machine_whose_refused_writes_act() {
 
 #[test]
 fn of_the_simulated_machine() {
-    simulated::<_, 3, 3>(&RobotFile::builtin_l2().unwrap()).unwrap().assert_much();
-    simulated::<_, 6, 9>(&RobotFile::builtin_f1().unwrap()).unwrap().assert_much();
+    simulated::<_, 3, 3>(&RobotFile::builtin_l2().unwrap())
+        .unwrap()
+        .assert_much();
+    simulated::<_, 6, 9>(&RobotFile::builtin_f1().unwrap())
+        .unwrap()
+        .assert_much();
 }
 
 #[test]
 fn of_simulated_drives_with_supervision() {
-    let text = text_of("l2").unwrap().replacen("[simulation]", "[drives]\n\n[simulation]", 1);
-    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("supervised.toml", &text).unwrap() else { panic!() };
+    let text = text_of("l2")
+        .unwrap()
+        .replacen("[simulation]", "[drives]\n\n[simulation]", 1);
+    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("supervised.toml", &text).unwrap() else {
+        panic!()
+    };
     simulated::<_, 3, 3>(&robot).unwrap().assert_much();
 }
 
@@ -107,7 +136,7 @@ levels_n = [0.0, 60.0, 0.0]
 gauges = ["px"]
 "#;
 
-/// A watched machine in a campaign, which must be told of sessions.
+/// A watched machine in a campaign, which must learn of sessions.
 struct InCampaign(Watch<3, 3>, SessionSwitch);
 
 impl Bench<3> for InCampaign {
@@ -119,7 +148,7 @@ impl Bench<3> for InCampaign {
         self.0.at_drives()
     }
 
-    fn see(&mut self, row: &Row<3>) -> Result<(), String> {
+    fn see(&mut self, row: &TickRecord<3>) -> Result<(), String> {
         self.1.see(row);
         self.0.see(row)
     }
@@ -132,7 +161,9 @@ fn of_the_machine_in_a_campaign() {
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("plan.toml"), PLAN).unwrap();
     let plan = plan::read(&folder.join("plan.toml"), "l2", &robot.metres_per_q).unwrap();
-    let machine = robot.campaign_machine::<3>(plan, GaugePublisher::bind(LOOPBACK).unwrap()).unwrap();
+    let machine =
+        CampaignMachine::<3, 3>::from_robot(&robot, plan, GaugePublisher::bind(LOOPBACK).unwrap())
+            .unwrap();
     let (switch, motors) = (machine.switch(), robot.motor_map().unwrap());
     let (plant, watch) = Watched::new(machine, motors, false);
     let config = robot.session_config(Capabilities::NONE).unwrap();
@@ -145,7 +176,7 @@ mod ethercat {
     use gantry_tau::ethercat::{EmulatedBus, EthercatPlant};
     use gantry_tau_core::control::axis::Offsets;
     use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
-    use gantry_tau_ethercat::emulation::{Drive, Faults};
+    use gantry_tau_ethercat::emulation::Faults;
 
     use super::*;
     use crate::ethercat::{bus_of, section_of_whole_steps};
@@ -153,11 +184,13 @@ mod ethercat {
     /// One count, nm.
     const COUNT_NM: i64 = 10;
 
-    /// Drives on an emulated bus, seen by their own objects; trouble is a frame that is lost, on its way out or back.
+    /// Drives on an emulated bus, seen by their own objects; trouble is a frame that is lost, on
+    /// its way out or back.
     struct OnTheBus<const N: usize, const M: usize> {
         bus: EmulatedBus<N, M>,
         motors: MotorMap<N, M>,
-        /// Positions of the drives on a standing path, counts, if they know but the sum of nominal reference and offset.
+        /// Positions of the drives on a standing path, counts, if they know but the sum of nominal
+        /// reference and offset.
         start: Option<Vec<i64>>,
         /// 1, or -1 for a drive that counts against its axis.
         signs: Vec<i8>,
@@ -167,51 +200,85 @@ mod ethercat {
         const RESOLUTION_NM: u64 = COUNT_NM.unsigned_abs();
 
         fn set(&mut self, trouble: Option<Trouble>) {
-            let count = |kind| u32::from(trouble == Some(kind));
-            let (lost_out, lost_back) = (count(Trouble::Write), count(Trouble::Read));
-            self.bus.bench().faults = Faults { lost_out, lost_back, ..Faults::default() };
+            self.bus.bench().faults = Faults {
+                lost_out: u32::from(trouble == Some(Trouble::Write)),
+                lost_back: u32::from(trouble == Some(Trouble::Read)),
+                ..Faults::default()
+            };
         }
 
         fn at_drives(&self) -> Vec<AtDrive> {
             let bench = self.bus.bench();
-            let motors = self.motors.axis_of_motor().iter().zip(bench.chain.drives()).enumerate();
-            let at_drive = |(motor, (axis, drive)): (usize, (&usize, &Drive))| {
+            let motors = self
+                .motors
+                .axis_of_motor()
+                .iter()
+                .zip(bench.chain.drives())
+                .enumerate();
+            let at_drives = motors.map(|(motor, (axis, drive))| {
                 let [target, own, velocity, torque] =
                     [0x607A, 0x60B0, 0x60B1, 0x60B2].map(|object| drive.object(object, 0));
                 let (target, own) = (i64::from(target), i64::from(own));
                 let nominal = self.start.as_ref().map_or(target, |start| start[motor]);
                 let sign = self.signs[motor];
-                let nm = |counts: i64| COUNT_NM * counts * i64::from(sign);
+                let [reference_nm, nominal_nm, offset_nm] =
+                    [target + own, nominal, target + own - nominal]
+                        .map(|counts| COUNT_NM * counts * i64::from(sign));
                 AtDrive {
                     axis: *axis,
-                    reference_nm: nm(target + own),
-                    nominal_nm: nm(nominal),
+                    reference_nm,
+                    nominal_nm,
                     offsets: Offsets {
-                        position: OffsetNm(i32::try_from(nm(target + own - nominal)).unwrap()),
+                        position: OffsetNm(i32::try_from(offset_nm).unwrap()),
                         velocity: VelocityUmS(velocity * i32::from(sign)),
                         torque: TorquePermille(i16::try_from(torque).unwrap() * i16::from(sign)),
                     },
                 }
-            };
-            motors.map(at_drive).collect()
+            });
+            at_drives.collect()
         }
     }
 
-    fn ask_bus<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>, knows_offset: bool) {
+    fn ask_bus<K: MachineKind<N>, const N: usize, const M: usize>(
+        robot: &RobotFile<K, N>,
+        knows_offset: bool,
+    ) {
         let section = section_of_whole_steps(robot);
         let bus = bus_of::<K, N, M>(robot, &section);
         if !knows_offset {
-            bus.bench().chain.drives_mut().for_each(|drive| drive.remove_object(0x60B0));
+            bus.bench()
+                .chain
+                .drives_mut()
+                .for_each(|drive| drive.remove_object(0x60B0));
         }
-        let motion = |start_m| if knows_offset { path(start_m) } else { Motion::Hold };
-        let plant = EthercatPlant::<_, N, M>::open(robot, &section, bus.clone(), motion).unwrap();
+        let plant = EthercatPlant::<_, N, M>::open(robot, &section, bus.clone(), |start_m| {
+            if knows_offset {
+                path(start_m)
+            } else {
+                Motion::Hold
+            }
+        })
+        .unwrap();
         let motors = robot.motor_map().unwrap();
-        let positions = || bus.bench().chain.drives().map(|drive| drive.motor().position).collect();
-        let start = (!knows_offset).then(positions);
+        let start = (!knows_offset).then(|| {
+            bus.bench()
+                .chain
+                .drives()
+                .map(|drive| drive.motor().position)
+                .collect()
+        });
         let signs = section.drives.iter().map(|drive| drive.sign).collect();
-        let bench = OnTheBus { bus: bus.clone(), motors, start, signs };
+        let bench = OnTheBus {
+            bus: bus.clone(),
+            motors,
+            start,
+            signs,
+        };
         let config = robot.session_config(Capabilities::NONE).unwrap();
-        Run::new(config, motors, plant, bench, SEED).ticks(TICKS).unwrap().assert_much();
+        Run::new(config, motors, plant, bench, SEED)
+            .ticks(TICKS)
+            .unwrap()
+            .assert_much();
     }
 
     #[test]

@@ -1,12 +1,13 @@
-//! A plant between a server and its machine that refuses writes and fails readings, and keeps what the machine took.
+//! A plant between a server and its machine that refuses writes and fails readings, and keeps what
+//! the machine took.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use gantry_tau::plant::{DriveState, Plant, PlantError, Reading};
-use gantry_tau::server::cycle::Row;
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::units::PositionNm;
+use gantry_tau_server::plant::{DriveState, Plant, PlantError, PlantFailure, Reading};
+use gantry_tau_server::record::TickRecord;
 
 use super::{AtDrive, Bench, Trouble};
 
@@ -39,17 +40,30 @@ impl<const N: usize, const M: usize> Bench<N> for Watch<N, M> {
     fn at_drives(&self) -> Vec<AtDrive> {
         let record = self.record();
         let motors = record.motors.axis_of_motor().iter().zip(&record.references);
-        let at_drive = |(axis, reference): (&usize, &Reference)| {
-            let InForce { nominal, mut offsets } = record.parts[*axis];
-            (offsets.velocity, offsets.torque) = (reference.velocity_offset, reference.torque_offset);
-            AtDrive { axis: *axis, reference_nm: reference.position.0, nominal_nm: nominal.0, offsets }
-        };
-        motors.map(at_drive).collect()
+        let at_drives = motors.map(|(axis, reference)| {
+            let InForce {
+                nominal,
+                mut offsets,
+            } = record.parts[*axis];
+            (offsets.velocity, offsets.torque) =
+                (reference.velocity_offset, reference.torque_offset);
+            AtDrive {
+                axis: *axis,
+                reference_nm: reference.position.0,
+                nominal_nm: nominal.0,
+                offsets,
+            }
+        });
+        at_drives.collect()
     }
 
-    fn see(&mut self, _row: &Row<N>) -> Result<(), String> {
+    fn see(&mut self, _row: &TickRecord<N>) -> Result<(), String> {
         let record = self.record();
-        if record.told == record.parts { Ok(()) } else { Err(format!("the machine tells another: {record:?}")) }
+        if record.told == record.parts {
+            Ok(())
+        } else {
+            Err(format!("the machine tells another: {record:?}"))
+        }
     }
 }
 
@@ -58,54 +72,100 @@ impl<const N: usize, const M: usize> Bench<N> for Watch<N, M> {
 pub(super) struct Watched<P, const N: usize, const M: usize> {
     plant: P,
     watch: Watch<N, M>,
-    /// A refused write acts all the same, and the machine goes on telling what was in force before: against what [`Plant::write`] promises.
+    /// A refused write acts all the same, and the machine goes on telling what was in force before:
+    /// against what [`Plant::write`] promises.
     lies: bool,
 }
 
 impl<P: Plant<N, M>, const N: usize, const M: usize> Watched<P, N, M> {
     pub(super) fn new(mut plant: P, motors: MotorMap<N, M>, lies: bool) -> (Self, Watch<N, M>) {
-        let parts = plant.in_force().unwrap();
+        let parts = plant.in_force().unwrap_or_else(|error| panic!("{error}"));
         let references = motors.axis_of_motor().map(|axis| {
             let InForce { nominal, offsets } = parts[axis];
             let position = PositionNm(nominal.0 + i64::from(offsets.position.0));
-            Reference { position, velocity_offset: offsets.velocity, torque_offset: offsets.torque }
+            Reference {
+                position,
+                velocity_offset: offsets.velocity,
+                torque_offset: offsets.torque,
+            }
         });
-        let record = Record { motors, references, parts, told: parts, trouble: None };
+        let record = Record {
+            motors,
+            references,
+            parts,
+            told: parts,
+            trouble: None,
+        };
         let watch = Watch(Arc::new(Mutex::new(record)));
-        (Self { plant, watch: watch.clone(), lies }, watch)
+        (
+            Self {
+                plant,
+                watch: watch.clone(),
+                lies,
+            },
+            watch,
+        )
     }
 }
 
 impl<P: Plant<N, M>, const N: usize, const M: usize> Plant<N, M> for Watched<P, N, M> {
-    fn start(&mut self) -> Result<(), PlantError> {
-        self.plant.start()
+    type Error = PlantFailure;
+
+    fn start(&mut self) -> Result<(), PlantFailure> {
+        self.plant.start().map_err(|error| PlantFailure::of(&error))
     }
 
-    fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
-        let told = self.plant.in_force()?;
-        self.watch.record().told = if self.lies { self.watch.record().parts } else { told };
+    fn in_force(&mut self) -> Result<[InForce; N], PlantFailure> {
+        let told = self
+            .plant
+            .in_force()
+            .map_err(|error| PlantFailure::of(&error))?;
+        self.watch.record().told = if self.lies {
+            self.watch.record().parts
+        } else {
+            told
+        };
         Ok(told)
     }
 
-    fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
+    fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantFailure> {
         // Its time goes on.
-        let reading = self.plant.read(elapsed);
+        let reading = self
+            .plant
+            .read(elapsed)
+            .map_err(|error| PlantFailure::of(&error));
         if self.watch.record().trouble == Some(Trouble::Read) {
-            return Err(PlantError { operation: "be read", reason: "the test says so" });
+            return Err(PlantFailure::of(&PlantError {
+                operation: "be read",
+                reason: "the test says so",
+            }));
         }
         reading
     }
 
-    fn write(&mut self, references: &[Reference; M], parts: &[InForce; N]) -> Result<(), PlantError> {
+    fn write(
+        &mut self,
+        references: &[Reference; M],
+        parts: &[InForce; N],
+    ) -> Result<(), PlantFailure> {
         let is_refused = self.watch.record().trouble == Some(Trouble::Write);
         if !is_refused {
-            self.plant.write(references, parts)?;
+            self.plant
+                .write(references, parts)
+                .map_err(|error| PlantFailure::of(&error))?;
         }
         if !is_refused || self.lies {
             let mut record = self.watch.record();
             (record.references, record.parts, record.told) = (*references, *parts, *parts);
         }
-        if is_refused { Err(PlantError { operation: "be written", reason: "the test says so" }) } else { Ok(()) }
+        if is_refused {
+            Err(PlantFailure::of(&PlantError {
+                operation: "be written",
+                reason: "the test says so",
+            }))
+        } else {
+            Ok(())
+        }
     }
 
     fn drives(&self) -> Option<[DriveState; N]> {

@@ -1,20 +1,23 @@
-//! What a bus and its drives do wrong: stop and cause as stated, nothing stale, no jump, back by a re-arm only.
+//! What a bus and its drives do wrong: stop and cause as stated, nothing stale, no jump, back by a
+//! re-arm only.
 
 use gantry_tau::ethercat::emulated_bus;
-use gantry_tau::model::MachineKind;
-use gantry_tau::plant::DriveState;
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile, text_of};
-use gantry_tau::server::cycle::{Demands, Row};
-use gantry_tau::sim::load_generator::{Load, load_generator};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
 use gantry_tau_ethercat::Fault;
 use gantry_tau_ethercat::emulation::Faults;
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::{AnyRobotFile, RobotFile, text_of};
+use gantry_tau_server::plant::DriveState;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::cycle::OperatorInputs;
+use gantry_tau_sim::load_generator::{Load, load_generator};
 use gantry_tau_tests::client::Client;
 
 use super::{Server, bus, section};
 
-/// Largest step of a drive's own reference: 0.1 m/s, an offset's step of 5 µm (20 µm on six axes), and rounding.
+/// Largest step of a drive's own reference: 0.1 m/s, an offset's step of 5 µm (20 µm on six axes),
+/// and rounding.
 const STEP_NM: i64 = 105_020;
 const STEP_OF_SIX_NM: i64 = 120_020;
 /// Offset that the client asks for, nm.
@@ -36,7 +39,11 @@ fn moving_on<K: MachineKind<N>, const N: usize, const M: usize>(
     for _ in 0..2_000 {
         let before = server.positions();
         server.answered(&mut client, Mode::Obtain, OFFSET_NM);
-        let ways: Vec<i64> = before.iter().zip(server.positions()).map(|(then, now)| (now - then).abs()).collect();
+        let ways: Vec<i64> = before
+            .iter()
+            .zip(server.positions())
+            .map(|(then, now)| (now - then).abs())
+            .collect();
         // Near its 0.1 m/s, 105 counts a cycle for each mm/s.
         if ways.iter().min() > Some(&9_000) {
             server.largest_step_nm();
@@ -52,21 +59,30 @@ impl<const N: usize, const M: usize> Server<N, M> {
         self.bus.bench().faults = faults;
     }
 
-    /// Runs the tick of the fault, whose references are refused, and the next one: the server is in Fault, and not before. Returns its row
-    /// and the first fault.
-    fn until_fault(&mut self) -> (Row<N>, Fault) {
+    /// Runs the tick of the fault, whose references are refused, and the next one: the server is in
+    /// Fault, and not before. Returns its row and the first fault.
+    fn until_fault(&mut self) -> (TickRecord<N>, Fault) {
         let row = self.tick();
         assert!(row.plant_failed && row.failure.is_some());
-        assert!(row.state.phase != Phase::Fault, "the fault is not known before the exchange");
+        assert!(
+            row.state.phase != Phase::Fault,
+            "the fault is not known before the exchange"
+        );
         let row = self.tick();
-        assert_eq!((row.state.phase, row.ended), (Phase::Fault, Some(Cause::Stop)));
+        assert_eq!(
+            (row.state.phase, row.ended),
+            (Phase::Fault, Some(Cause::Stop))
+        );
         (row, self.log.next().unwrap())
     }
 
     /// Ticks through the ramp to a new session; nothing jumps on the way.
     fn recovers(&mut self) {
         self.rearm();
-        assert!(self.largest_step_nm() <= if N == 3 { STEP_NM } else { STEP_OF_SIX_NM }, "a jump");
+        assert!(
+            self.largest_step_nm() <= if N == 3 { STEP_NM } else { STEP_OF_SIX_NM },
+            "a jump"
+        );
         let mut client = self.client();
         let row = self.answered(&mut client, Mode::Obtain, 1_000);
         assert_eq!((row.state.phase, row.failure), (Phase::Obtain, None));
@@ -78,14 +94,29 @@ impl<const N: usize, const M: usize> Server<N, M> {
 fn a_lost_frame_out_and_back() {
     for back in [false, true] {
         let (mut server, _client) = moving();
-        server.next_frames(Faults { lost_out: u32::from(!back), lost_back: u32::from(back), ..Faults::default() });
+        server.next_frames(Faults {
+            lost_out: u32::from(!back),
+            lost_back: u32::from(back),
+            ..Faults::default()
+        });
         // The tick of the loss, and the one without a reading; the drives go on afterwards.
         let (row, fault) = server.until_fault();
         assert_eq!(fault, Fault::NoAnswer);
-        assert!(row.failure.unwrap().to_string().contains("no answer on the bus in time"));
+        assert!(
+            row.failure
+                .unwrap()
+                .to_string()
+                .contains("no answer on the bus in time")
+        );
         let next = server.tick();
-        assert_eq!((next.failure, next.drives), (None, Some([DriveState::Operating; 3])));
-        assert!(server.largest_step_nm() <= STEP_NM, "the way of two cycles at once");
+        assert_eq!(
+            (next.failure, next.drives),
+            (None, Some([DriveState::Operating; 3]))
+        );
+        assert!(
+            server.largest_step_nm() <= STEP_NM,
+            "the way of two cycles at once"
+        );
         server.recovers();
     }
 }
@@ -93,13 +124,19 @@ fn a_lost_frame_out_and_back() {
 #[test]
 fn a_late_frame_is_a_lost_one() {
     let (mut server, _client) = moving();
-    server.next_frames(Faults { delayed: 1, delay_us: 800, ..Faults::default() });
+    server.next_frames(Faults {
+        delayed: 1,
+        delay_us: 800,
+        ..Faults::default()
+    });
     assert_eq!(server.until_fault().1, Fault::NoAnswer);
     for _ in 0..20 {
         let row = server.tick();
         assert_eq!(row.failure, None);
         for axis in row.state.axes {
-            let behind = (axis.nominal.0 + i64::from(axis.offsets.position.0) - axis.actual.position.0).abs();
+            let behind = (axis.nominal.0 + i64::from(axis.offsets.position.0)
+                - axis.actual.position.0)
+                .abs();
             assert!(behind < 400_000, "an old measurement: {behind} nm");
         }
     }
@@ -110,20 +147,42 @@ fn a_late_frame_is_a_lost_one() {
 #[test]
 fn an_answer_within_half_a_cycle_is_in_time() {
     let (mut server, mut client) = moving();
-    server.next_frames(Faults { delayed: u32::MAX, delay_us: 450, ..Faults::default() });
+    server.next_frames(Faults {
+        delayed: u32::MAX,
+        delay_us: 450,
+        ..Faults::default()
+    });
     for _ in 0..100 {
-        assert_eq!(server.answered(&mut client, Mode::Obtain, OFFSET_NM).failure, None);
+        assert_eq!(
+            server
+                .answered(&mut client, Mode::Obtain, OFFSET_NM)
+                .failure,
+            None
+        );
     }
-    server.next_frames(Faults { delayed: 1, delay_us: 550, ..Faults::default() });
+    server.next_frames(Faults {
+        delayed: 1,
+        delay_us: 550,
+        ..Faults::default()
+    });
     assert_eq!(server.until_fault().1, Fault::NoAnswer);
 }
 
 #[test]
 fn a_wrong_counter() {
     let (mut server, _client) = moving();
-    server.next_frames(Faults { counter_less: 1, ..Faults::default() });
+    server.next_frames(Faults {
+        counter_less: 1,
+        ..Faults::default()
+    });
     let (row, fault) = server.until_fault();
-    assert_eq!(fault, Fault::WorkingCounter { expected: 9, received: 8 });
+    assert_eq!(
+        fault,
+        Fault::WorkingCounter {
+            expected: 9,
+            received: 8
+        }
+    );
     assert!(row.failure.unwrap().to_string().contains("working counter"));
     server.next_frames(Faults::default());
     server.recovers();
@@ -149,9 +208,22 @@ fn a_lost_drive() {
 #[test]
 fn an_error_of_the_application_layer() {
     let (mut server, _client) = moving();
-    server.bus.bench().chain.subdevice_mut(2).unwrap().fail(0x001A);
+    server
+        .bus
+        .bench()
+        .chain
+        .subdevice_mut(2)
+        .unwrap()
+        .fail(0x001A);
     let (row, fault) = server.until_fault();
-    assert_eq!(fault, Fault::State { motor: 2, state: 4, code: 0x001A });
+    assert_eq!(
+        fault,
+        Fault::State {
+            motor: 2,
+            state: 4,
+            code: 0x001A
+        }
+    );
     assert!(row.failure.unwrap().to_string().contains("left OP"));
     server.recovers();
 }
@@ -159,8 +231,21 @@ fn an_error_of_the_application_layer() {
 #[test]
 fn a_drive_in_fault_and_a_following_error() {
     let (mut server, _client) = moving();
-    server.bus.bench().chain.subdevice_mut(0).unwrap().drive_mut().trip();
-    assert_eq!(server.until_fault().1, Fault::Drive { motor: 0, error_code: 0x2310 });
+    server
+        .bus
+        .bench()
+        .chain
+        .subdevice_mut(0)
+        .unwrap()
+        .drive_mut()
+        .trip();
+    assert_eq!(
+        server.until_fault().1,
+        Fault::Drive {
+            motor: 0,
+            error_code: 0x2310
+        }
+    );
     server.recovers();
     // A window of half a count: it is left at once, for longer than 0 ms.
     let (mut server, _client) = moving();
@@ -171,7 +256,14 @@ fn a_drive_in_fault_and_a_following_error() {
         drive.set_object(0x6066, 0, 0);
     }
     assert_eq!(server.until_fault().1, Fault::FollowingError { motor: 1 });
-    server.bus.bench().chain.subdevice_mut(1).unwrap().drive_mut().set_object(0x6065, 0, 200_000);
+    server
+        .bus
+        .bench()
+        .chain
+        .subdevice_mut(1)
+        .unwrap()
+        .drive_mut()
+        .set_object(0x6065, 0, 200_000);
     server.recovers();
 }
 
@@ -191,13 +283,19 @@ fn a_bus_that_is_gone_for_ten_seconds_in_motion() {
     for _ in 0..200 {
         assert!(server.tick().plant_failed, "not enabled by itself");
     }
-    let apart = server.positions().iter().zip(&stood).map(|(now, then)| (now - then).abs()).max().unwrap();
+    let apart = server
+        .positions()
+        .iter()
+        .zip(&stood)
+        .map(|(now, then)| (now - then).abs())
+        .max()
+        .unwrap();
     assert!(apart < 100, "{apart} counts: the brakes hold");
     server.recovers();
 }
 
-/// A killed server in motion: the watchdogs stop the drives, on a way that is stated. The next server finds the offsets in force, waits
-/// for the re-arm, and ramps them to zero without a step.
+/// A killed server in motion: the watchdogs stop the drives, on a way that is stated. The next
+/// server finds the offsets in force, waits for the re-arm, and ramps them to zero without a step.
 #[test]
 fn a_killed_server_and_its_successor() {
     let (server, _client) = moving();
@@ -207,9 +305,16 @@ fn a_killed_server_and_its_successor() {
     bus.idle(1_000_000);
     let way = {
         let bench = bus.bench();
-        bench.chain.drives().zip(before).map(|(drive, then)| (drive.motor().position - then).abs()).max().unwrap()
+        bench
+            .chain
+            .drives()
+            .zip(before)
+            .map(|(drive, then)| (drive.motor().position - then).abs())
+            .max()
+            .unwrap()
     };
-    // The references stand after the last cycle: the drives close in on them and hold, before the watchdog of 5 ms ends. 0.1 m/s.
+    // The references stand after the last cycle: the drives close in on them and hold, before the
+    // watchdog of 5 ms ends. 0.1 m/s.
     let way_um = way * 1_000_000 / 104_857_600;
     println!("way after the kill at 0.1 m/s: {way_um} um");
     assert!(way_um < 300, "{way_um}");
@@ -217,23 +322,42 @@ fn a_killed_server_and_its_successor() {
     let mut again = Server::on(&robot, &bus, 0.0);
     let row = again.tick();
     assert_eq!(row.state.phase, Phase::Fault, "drives in fault");
-    assert!(matches!(again.log.next(), Some(Fault::Drive { error_code: 0x7500, .. })));
+    assert!(matches!(
+        again.log.next(),
+        Some(Fault::Drive {
+            error_code: 0x7500,
+            ..
+        })
+    ));
     let offsets = row.state.axes.map(|axis| axis.offsets.position.0);
-    assert!(offsets.iter().all(|nm| (nm - OFFSET_NM).abs() < 10), "{offsets:?}");
+    assert!(
+        offsets.iter().all(|nm| (nm - OFFSET_NM).abs() < 10),
+        "{offsets:?}"
+    );
     again.rearm();
     // The brakes held the motors; enabling them where they stand, then the ramp of 100 nm per tick.
     assert!(again.largest_step_nm() <= 120, "a step");
     let row = again.tick();
     assert_eq!(row.state.axes.map(|axis| axis.offsets), [Offsets::ZERO; 3]);
-    assert!(bus.bench().chain.drives().all(|drive| drive.object(0x60B0, 0) == 0));
+    assert!(
+        bus.bench()
+            .chain
+            .drives()
+            .all(|drive| drive.object(0x60B0, 0) == 0)
+    );
 }
 
-/// A machine behind the drives that stops, or whose springs find no equilibrium: none of its measurements is handed out as fresh.
-/// Simulated drives with supervision of their own (`[drives]`) would be such a machine; the emulated drives are the only ones there.
+/// A machine behind the drives that stops, or whose springs find no equilibrium: none of its
+/// measurements is handed out as fresh. Simulated drives with supervision of their own (`[drives]`)
+/// would be such a machine; the emulated drives are the only ones there.
 #[test]
 fn a_machine_that_stops_behind_the_drives() {
-    let text = text_of("l2").unwrap().replacen("[simulation]", "[drives]\n\n[simulation]", 1);
-    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("supervised.toml", &text).unwrap() else { panic!() };
+    let text = text_of("l2")
+        .unwrap()
+        .replacen("[simulation]", "[drives]\n\n[simulation]", 1);
+    let AnyRobotFile::L2(robot) = AnyRobotFile::parse("supervised.toml", &text).unwrap() else {
+        panic!()
+    };
     assert!(robot.drives.is_some());
     let (mut hand, tool) = load_generator();
     let bus = emulated_bus::<_, 3, 3>(&*robot, &section(&*robot), tool).unwrap();
@@ -242,13 +366,23 @@ fn a_machine_that_stops_behind_the_drives() {
         server.tick();
     }
     for force_n in [8_000.0, 1e5] {
-        let pull = hand.set(&Load { step: 1, force_n: [force_n, 0.0, 0.0], moment_nm: [0.0; 3] });
+        let pull = hand.set(&Load {
+            step: 1,
+            force_n: [force_n, 0.0, 0.0],
+            moment_nm: [0.0; 3],
+        });
         println!("{pull:?}");
         for _ in 0..100 {
             let row = server.tick();
             println!(
                 "{:?}",
-                (row.failure, row.state.phase, row.state.axes.map(|axis| axis.actual.position.0 - axis.nominal.0))
+                (
+                    row.failure,
+                    row.state.phase,
+                    row.state
+                        .axes
+                        .map(|axis| axis.actual.position.0 - axis.nominal.0)
+                )
             );
         }
         hand.release();
@@ -279,7 +413,11 @@ fn no_cycle_allocates_through_loss_stop_and_rearm() {
     let (mut server, client) = moving();
     drop(client);
     server.counts_allocations = true;
-    server.next_frames(Faults { lost_out: 1, lost_back: 1, ..Faults::default() });
+    server.next_frames(Faults {
+        lost_out: 1,
+        lost_back: 1,
+        ..Faults::default()
+    });
     server.until_fault();
     server.rearm();
     for trouble in 0..3 {
@@ -301,21 +439,30 @@ fn no_cycle_allocates_through_loss_stop_and_rearm() {
     }
 }
 
+/// Counts between two motors; drives with odd numbers count backwards.
+fn apart(server: &Server<6, 9>, motors: [usize; 2]) -> i64 {
+    let at = server.positions();
+    let [one, other] = motors.map(|motor| {
+        if motor % 2 == 0 {
+            at[motor]
+        } else {
+            -at[motor]
+        }
+    });
+    (one - other).abs()
+}
+
 /// One of the two drives of an axis is lost: its partner stops too, and both come back together.
 #[test]
 fn one_of_a_pair_is_lost() {
     let robot = RobotFile::builtin_f1().unwrap();
     let axes = robot.motors.axis_of_motor.clone();
-    let second = (1..9).find(|motor| axes[..*motor].contains(&axes[*motor])).unwrap();
+    let second = (1..9)
+        .find(|motor| axes[..*motor].contains(&axes[*motor]))
+        .unwrap();
     let first = axes.iter().position(|axis| *axis == axes[second]).unwrap();
-    let apart = |server: &Server<6, 9>| {
-        let at = server.positions();
-        // Drives with odd numbers count backwards.
-        let place = |motor: usize| if motor % 2 == 0 { at[motor] } else { -at[motor] };
-        (place(first) - place(second)).abs()
-    };
     let (mut server, _client) = moving_on::<_, 6, 9>(&robot, 0.05);
-    let before = apart(&server);
+    let before = apart(&server, [first, second]);
     server.bus.bench().chain.bypass(Some(second));
     let motor = u8::try_from(second).unwrap();
     assert_eq!(server.until_fault().1, Fault::Absent { motor });
@@ -323,7 +470,7 @@ fn one_of_a_pair_is_lost() {
     for _ in 0..500 {
         let row = server.tick();
         assert!(row.plant_failed && row.state.phase == Phase::Fault);
-        most = most.max((apart(&server) - before).abs());
+        most = most.max((apart(&server, [first, second]) - before).abs());
     }
     // Counts of 9.5 nm: one cart, whose motors are stiff in the simulation.
     println!("the motors of the pair are at most {most} counts further apart");
@@ -334,19 +481,39 @@ fn one_of_a_pair_is_lost() {
     server.recovers();
     // And a fault of that drive by itself.
     let (mut server, _client) = moving_on::<_, 6, 9>(&robot, 0.05);
-    server.bus.bench().chain.subdevice_mut(second).unwrap().drive_mut().trip();
-    assert_eq!(server.until_fault().1, Fault::Drive { motor, error_code: 0x2310 });
+    server
+        .bus
+        .bench()
+        .chain
+        .subdevice_mut(second)
+        .unwrap()
+        .drive_mut()
+        .trip();
+    assert_eq!(
+        server.until_fault().1,
+        Fault::Drive {
+            motor,
+            error_code: 0x2310
+        }
+    );
     for _ in 0..100 {
         assert!(server.tick().plant_failed);
     }
     server.recovers();
 }
 
-/// A killed server with offsets in force: the drives hold them, the next server finds what the drives know, and ramps it without a step.
-fn restarts<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>, knows_offset: bool) {
+/// A killed server with offsets in force: the drives hold them, the next server finds what the
+/// drives know, and ramps it without a step.
+fn restarts<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+    knows_offset: bool,
+) {
     let bus = bus::<K, N, M>(robot);
     if !knows_offset {
-        bus.bench().chain.drives_mut().for_each(|drive| drive.remove_object(0x60B0));
+        bus.bench()
+            .chain
+            .drives_mut()
+            .for_each(|drive| drive.remove_object(0x60B0));
     }
     let mut server = Server::on(robot, &bus, 0.0);
     let mut client = server.client();
@@ -357,11 +524,25 @@ fn restarts<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile
     server.kill();
     bus.idle(1_000_000);
     let mut again: Server<N, M> = Server::on(robot, &bus, 0.0);
-    let moved = before.iter().zip(again.positions()).map(|(then, now)| (then - now).abs()).max().unwrap();
-    assert!(moved <= 110, "{moved} counts: what the motors lagged behind");
+    let moved = before
+        .iter()
+        .zip(again.positions())
+        .map(|(then, now)| (then - now).abs())
+        .max()
+        .unwrap();
+    assert!(
+        moved <= 110,
+        "{moved} counts: what the motors lagged behind"
+    );
     let row = again.tick();
     assert_eq!(row.state.phase, Phase::Fault);
-    assert_eq!(again.log.next(), Some(Fault::Drive { motor: 0, error_code: 0x7500 }));
+    assert_eq!(
+        again.log.next(),
+        Some(Fault::Drive {
+            motor: 0,
+            error_code: 0x7500
+        })
+    );
     for axis in row.state.axes {
         // Without 60B0h the drive knows the sum: it is the nominal reference.
         let expected = if knows_offset { 20_000 } else { 0 };
@@ -370,11 +551,19 @@ fn restarts<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile
     let ticks = again.rearm();
     // 20 µm at the 100 nm of each tick of the ramp.
     assert_eq!(ticks > 200, knows_offset, "{ticks}");
-    assert!(again.largest_step_nm() <= if knows_offset { 120 } else { 20 }, "a step");
+    assert!(
+        again.largest_step_nm() <= if knows_offset { 120 } else { 20 },
+        "a step"
+    );
     let row = again.tick();
     assert_eq!((row.state.phase, row.failure), (Phase::Listening, None));
     assert_eq!(row.state.axes.map(|axis| axis.offsets), [Offsets::ZERO; N]);
-    assert!(bus.bench().chain.drives().all(|drive| drive.object(0x60B0, 0) == 0));
+    assert!(
+        bus.bench()
+            .chain
+            .drives()
+            .all(|drive| drive.object(0x60B0, 0) == 0)
+    );
 }
 
 #[test]
@@ -385,36 +574,61 @@ fn a_restart_on_nine_motors_and_without_60b0() {
     }
 }
 
-/// After a fault somebody has moved a motor by hand, while the drives were off. A re-arm enables them only where they agree: the motors of an axis
-/// together, and inside the travel.
+/// Pushes the first motors by counts.
+fn push(server: &Server<6, 9>, pushed: [i64; 2]) {
+    for (motor, counts) in pushed.into_iter().enumerate() {
+        server
+            .bus
+            .bench()
+            .chain
+            .subdevice_mut(motor)
+            .unwrap()
+            .drive_mut()
+            .motor_mut()
+            .pushed = counts;
+    }
+}
+
+/// After a fault somebody has moved a motor by hand, while the drives were off. A re-arm enables
+/// them only where they agree: the motors of an axis together, and inside the travel.
 #[test]
 fn a_rearm_needs_motors_that_agree() {
     let (mut server, _client) = moving_on::<_, 6, 9>(&RobotFile::builtin_f1().unwrap(), 0.02);
-    server.bus.bench().chain.subdevice_mut(0).unwrap().drive_mut().trip();
+    server
+        .bus
+        .bench()
+        .chain
+        .subdevice_mut(0)
+        .unwrap()
+        .drive_mut()
+        .trip();
     server.until_fault();
     // One motor of a pair by 0.6 mm; then both, far beyond the travel.
     for (pushed, reason) in [
         // 104 857.6 counts per mm; drives with odd numbers count backwards.
         ([62_915, 0], "its motors stand more than 0.5 mm apart"),
-        ([1_048_576_000, -1_048_576_000], "it stands outside of the machine's travel"),
+        (
+            [1_048_576_000, -1_048_576_000],
+            "it stands outside of the machine's travel",
+        ),
     ] {
-        let push = |server: &Server<6, 9>, pushed: [i64; 2]| {
-            for (motor, counts) in pushed.into_iter().enumerate() {
-                server.bus.bench().chain.subdevice_mut(motor).unwrap().drive_mut().motor_mut().pushed = counts;
-            }
-        };
         // Measured in the next cycle.
         push(&server, pushed);
         server.tick();
         server.tick();
         server.largest_step_nm();
         for _ in 0..2_000 {
-            let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
+            let row = server.step(OperatorInputs {
+                stop: false,
+                rearm: true,
+                ..OperatorInputs::default()
+            });
             assert_eq!(row.state.phase, Phase::Fault);
         }
         let row = server.tick();
         let failure = row.failure.unwrap();
-        assert_eq!((failure.operation, failure.reason), ("enable the drives of axis 0", reason));
+        let expected = format!("the machine could not enable the drives of axis 0: {reason}");
+        assert_eq!(failure.as_str(), expected);
         assert_ne!(row.drives, Some([DriveState::Operating; 6]));
         assert_eq!(server.largest_step_nm(), 0, "no drive was enabled");
         push(&server, [0; 2]);
@@ -424,7 +638,8 @@ fn a_rearm_needs_motors_that_agree() {
     server.recovers();
 }
 
-/// What a drive follows is the reference that core gave out, in its counts: no sum and no clamp stands between.
+/// What a drive follows is the reference that core gave out, in its counts: no sum and no clamp
+/// stands between.
 #[test]
 fn drives_follow_the_references_of_core() {
     let (mut server, mut client) = moving();
@@ -434,7 +649,15 @@ fn drives_follow_the_references_of_core() {
         let nm = if tick < 300 { OFFSET_NM } else { -OFFSET_NM };
         let row = server.answered(&mut client, Mode::Obtain, nm);
         assert_eq!(row.state.phase, Phase::Obtain);
-        given.push(server.cycle.endpoint().output().unwrap().references.map(|reference| reference.position.0));
+        given.push(
+            server
+                .cycle
+                .endpoint()
+                .output()
+                .unwrap()
+                .references
+                .map(|reference| reference.position.0),
+        );
         let bench = server.bus.bench();
         // 104.8576 counts per um; drives with odd numbers count backwards.
         let nm = bench.chain.drives().enumerate().map(|(motor, drive)| {
@@ -444,14 +667,20 @@ fn drives_follow_the_references_of_core() {
         followed.push(nm.collect::<Vec<_>>());
     }
     // The frame of a tick reaches the drives in it, or in the next one: the same for all ticks.
-    let farthest = |delay: usize| {
+    let [same, next] = [0, 1].map(|delay| {
         let pairs = given.iter().zip(&followed[delay..]);
-        let apart =
-            pairs.flat_map(|(given, followed)| given.iter().zip(followed).map(|(one, other)| (one - other).abs()));
+        let apart = pairs.flat_map(|(given, followed)| {
+            given
+                .iter()
+                .zip(followed)
+                .map(|(one, other)| (one - other).abs())
+        });
         apart.max().unwrap()
-    };
-    let [same, next] = [farthest(0), farthest(1)];
+    });
     println!("drives and core: at most {same} nm apart in the same tick, {next} in the next one");
     // A count is 9.5 nm.
-    assert!(same.min(next) <= 10 && same.max(next) > 50_000, "{same} {next}");
+    assert!(
+        same.min(next) <= 10 && same.max(next) > 50_000,
+        "{same} {next}"
+    );
 }

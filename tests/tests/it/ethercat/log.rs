@@ -1,9 +1,12 @@
-//! Lines in the log: one for each outage and cause, whatever the outage is like, and one again after a re-arm.
+//! Lines in the log: one for each outage and cause, of any kind of outage, and one again
+//! after a re-arm.
 
-use gantry_tau::server::cycle::{Demands, Row};
-use gantry_tau::server::event_log::{Event, EventKind, EventLog};
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_ethercat::emulation::Faults;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::record::{Event, EventKind};
+use gantry_tau_server::server::cycle::OperatorInputs;
+use gantry_tau_server::server::event_log::EventLog;
 
 use super::Server;
 use super::faults::moving;
@@ -17,15 +20,22 @@ struct Lines {
 }
 
 impl Lines {
-    fn see(&mut self, server: &mut Server<3, 3>, row: &Row<3>) {
+    fn see(&mut self, server: &mut Server<3, 3>, row: &TickRecord<3>) {
         let happened = self.events.see(row);
-        self.machine.extend(happened.into_iter().filter(|event| event.kind == EventKind::MachineFailed));
+        self.machine.extend(
+            happened
+                .into_iter()
+                .filter(|event| event.kind == EventKind::MachineFailed),
+        );
         self.bus.extend(server.log.see(row.state.phase));
     }
 
-    /// Takes the lines: numbers of those about failures of the machine, and those about the bus.
-    fn take(&mut self) -> (usize, Vec<String>) {
-        (std::mem::take(&mut self.machine).len(), std::mem::take(&mut self.bus))
+    /// Drains the lines: numbers of those about failures of the machine, and those about the bus.
+    fn drain(&mut self) -> (usize, Vec<String>) {
+        (
+            std::mem::take(&mut self.machine).len(),
+            std::mem::take(&mut self.bus),
+        )
     }
 }
 
@@ -33,8 +43,8 @@ impl Lines {
 fn an_outage_is_logged_once_and_the_next_one_again() {
     let (mut server, _client) = moving();
     let mut lines = Lines::default();
-    let no_answer = || vec!["EtherCAT: no answer on the bus in time".to_owned()];
-    // Ten seconds without a bus; two frames that are lost, with a re-arm between; a cable that loses one frame in four.
+    // Ten seconds without a bus; two frames that are lost, with a re-arm between; a cable that
+    // loses one frame in four.
     let gone: fn(u32) -> bool = |_| true;
     let once: fn(u32) -> bool = |tick| tick == 0;
     let flaps: fn(u32) -> bool = |tick| tick % 4 == 0;
@@ -43,19 +53,30 @@ fn an_outage_is_logged_once_and_the_next_one_again() {
         for tick in 0..ticks {
             let lost_out = u32::from(outage(tick));
             lost += lost_out;
-            server.next_frames(Faults { lost_out, ..Faults::default() });
+            server.next_frames(Faults {
+                lost_out,
+                ..Faults::default()
+            });
             let row = server.tick();
             lines.see(&mut server, &row);
         }
-        assert_eq!(lines.take(), (1, no_answer()), "{lost} frames");
+        let no_answer = vec!["EtherCAT: no answer on the bus in time".to_owned()];
+        assert_eq!(lines.drain(), (1, no_answer), "{lost} frames");
         server.next_frames(Faults::default());
         while server.cycle.phase() == Phase::Fault {
-            let row = server.step(Demands { stop: false, rearm: true, ..Demands::default() });
+            let row = server.step(OperatorInputs {
+                stop: false,
+                rearm: true,
+                ..OperatorInputs::default()
+            });
             lines.see(&mut server, &row);
         }
-        let (machine, bus) = lines.take();
+        let (machine, bus) = lines.drain();
         assert_eq!(machine, 0, "the re-arm");
-        let expected = format!("EtherCAT: no answer on the bus in time: in {} more cycles until the re-arm", lost - 1);
+        let expected = format!(
+            "EtherCAT: no answer on the bus in time: in {} more cycles until the re-arm",
+            lost - 1
+        );
         assert_eq!(bus, if lost == 1 { vec![] } else { vec![expected] });
     }
 }

@@ -9,14 +9,15 @@ mod refused;
 
 use allocation_counter::measure;
 use gantry_tau::ethercat::{EmulatedBus, EthercatError, EthercatPlant, FaultLog, emulated_bus};
-use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::{Ethercat, RobotFile};
-use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::sim::load_generator::load_generator;
-use gantry_tau::sim::parameters::Motion;
-use gantry_tau::state::StopLatch;
 use gantry_tau_core::control::message::{Capabilities, Mode, Phase};
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::{Ethercat, RobotFile};
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
+use gantry_tau_server::state::StopLatch;
+use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_tests::client::Client;
 use gantry_tau_tests::server_fixture::{LOOPBACK, await_bytes};
 use gantry_tau_tests::wait_for;
@@ -29,7 +30,9 @@ fn section<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
 }
 
 /// A bus whose drives have just been powered, at home.
-fn bus<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>) -> EmulatedBus<N, M> {
+fn bus<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+) -> EmulatedBus<N, M> {
     bus_of(robot, &section(robot))
 }
 
@@ -80,7 +83,11 @@ struct Server<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> Server<N, M> {
-    fn on<K: MachineKind<N>>(robot: &RobotFile<K, N>, bus: &EmulatedBus<N, M>, motion_m: f64) -> Self {
+    fn on<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        bus: &EmulatedBus<N, M>,
+        motion_m: f64,
+    ) -> Self {
         Self::with(robot, &section(robot), bus, motion_m)
     }
 
@@ -92,33 +99,54 @@ impl<const N: usize, const M: usize> Server<N, M> {
     ) -> Self {
         let mut plant = open(robot, section, bus, motion_m).unwrap();
         let log = plant.fault_log();
-        let (config, motors) = (robot.session_config(Capabilities::NONE).unwrap(), robot.motor_map().unwrap());
+        let (config, motors) = (
+            robot.session_config(Capabilities::NONE).unwrap(),
+            robot.motor_map().unwrap(),
+        );
         let latch = StopLatch::volatile();
-        let mut cycle = Cycle::new(config, motors, plant, EpochRange::VOLATILE, latch, LOOPBACK).unwrap();
+        let mut cycle =
+            Cycle::new(config, motors, plant, EpochRange::VOLATILE, latch, LOOPBACK).unwrap();
         cycle.start().unwrap();
-        let server = Self { bus: bus.clone(), cycle, log, counts_allocations: false };
+        let server = Self {
+            bus: bus.clone(),
+            cycle,
+            log,
+            counts_allocations: false,
+        };
         server.largest_step_nm();
         server
     }
 
-    fn step(&mut self, demands: Demands) -> Row<N> {
+    fn step(&mut self, operator: OperatorInputs) -> TickRecord<N> {
         let mut row = None;
         let counted = measure(|| {
             self.cycle.receive();
-            row = Some(self.cycle.step(1, demands));
+            row = Some(self.cycle.step(1, operator));
         });
-        assert!(!self.counts_allocations || counted.count_total == 0, "the cycle allocated");
+        assert!(
+            !self.counts_allocations || counted.count_total == 0,
+            "the cycle allocated"
+        );
         row.unwrap()
     }
 
-    fn tick(&mut self) -> Row<N> {
-        self.step(Demands::default())
+    fn tick(&mut self) -> TickRecord<N> {
+        self.step(OperatorInputs::default())
     }
 
     /// Ticks with the re-arm pressed until the server listens.
     fn rearm(&mut self) -> u32 {
         for tick in 0..60_000 {
-            if self.step(Demands { stop: false, rearm: true, ..Demands::default() }).state.phase == Phase::Listening {
+            if self
+                .step(OperatorInputs {
+                    stop: false,
+                    rearm: true,
+                    ..OperatorInputs::default()
+                })
+                .state
+                .phase
+                == Phase::Listening
+            {
                 return tick;
             }
         }
@@ -137,7 +165,7 @@ impl<const N: usize, const M: usize> Server<N, M> {
     }
 
     /// One tick with the owner's answer in it.
-    fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> Row<N> {
+    fn answered(&mut self, client: &mut Client<N>, mode: Mode, nm: i32) -> TickRecord<N> {
         let frame = client.frame(mode, [nm; N]);
         client.send_bytes(&frame);
         await_bytes(&mut self.cycle, frame.len());
@@ -148,13 +176,23 @@ impl<const N: usize, const M: usize> Server<N, M> {
 
     /// Largest step of a drive's own reference since the last call, nm.
     fn largest_step_nm(&self) -> i64 {
-        let steps = |counts: i64| counts * 1_000_000_000 / 104_857_600;
-        self.bus.bench().chain.drives_mut().map(|drive| steps(drive.take_largest_step())).max().unwrap()
+        self.bus
+            .bench()
+            .chain
+            .drives_mut()
+            .map(|drive| drive.take_largest_step() * 1_000_000_000 / 104_857_600)
+            .max()
+            .unwrap()
     }
 
     /// Positions of all motors, counts.
     fn positions(&self) -> Vec<i64> {
-        self.bus.bench().chain.drives().map(|drive| drive.motor().position).collect()
+        self.bus
+            .bench()
+            .chain
+            .drives()
+            .map(|drive| drive.motor().position)
+            .collect()
     }
 
     /// Ends as a killed process does: nothing is said to the drives.

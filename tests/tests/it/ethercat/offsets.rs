@@ -1,20 +1,31 @@
 //! Offsets of a client reach the drives' objects, without an allocation in the cycle.
 
-use gantry_tau::model::MachineKind;
-use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::message::{Mode, Phase};
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::RobotFile;
 
 use super::{Server, bus};
 
 /// Counts of 20 µm at 2^20 counts per 10 mm.
 const COUNTS: i32 = 2_097;
 
-fn offsets_reach_the_drives<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>, sum: bool) {
+fn offsets_reach_the_drives<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+    sum: bool,
+) {
     let bus = bus::<K, N, M>(robot);
     if sum {
-        bus.bench().chain.drives_mut().for_each(|drive| drive.remove_object(0x60B0));
+        bus.bench()
+            .chain
+            .drives_mut()
+            .for_each(|drive| drive.remove_object(0x60B0));
     }
-    let start: Vec<i64> = bus.bench().chain.drives().map(|drive| drive.motor().position).collect();
+    let start: Vec<i64> = bus
+        .bench()
+        .chain
+        .drives()
+        .map(|drive| drive.motor().position)
+        .collect();
     let mut server = Server::on(robot, &bus, 0.0);
     let mut client = server.client();
     server.counts_allocations = true;
@@ -30,10 +41,20 @@ fn offsets_reach_the_drives<K: MachineKind<N>, const N: usize, const M: usize>(r
         let sign = if motor % 2 == 0 { 1 } else { -1 };
         let [target, offset] = [0x607A, 0x60B0].map(|object| i64::from(drive.object(object, 0)));
         let away = sign * i64::from(COUNTS);
-        let expected = if sum { (start[motor] + away, 0) } else { (start[motor], away) };
-        assert!((target - expected.0).abs() <= 1 && offset == expected.1, "{motor}: {target} {offset} {expected:?}");
+        let expected = if sum {
+            (start[motor] + away, 0)
+        } else {
+            (start[motor], away)
+        };
+        assert!(
+            (target - expected.0).abs() <= 1 && offset == expected.1,
+            "{motor}: {target} {offset} {expected:?}"
+        );
         // The drive follows, and its position comes back with the axis' sign.
-        assert!((drive.motor().position - start[motor] - away).abs() < 110, "{motor}");
+        assert!(
+            (drive.motor().position - start[motor] - away).abs() < 110,
+            "{motor}"
+        );
     }
     drop(bench);
     let state = server.answered(&mut client, Mode::Obtain, 20_000).state;
@@ -75,6 +96,14 @@ fn a_moving_path_is_followed() {
     }
     // 0.1 m/s is 100 µm a cycle; the offset adds 5 µm while it grows.
     assert!((90_000..=106_000).contains(&most), "{most}");
-    let way: Vec<i64> = server.positions().iter().zip(before).map(|(now, then)| (now - then).abs()).collect();
-    assert!(way.iter().all(|counts| *counts > 1_900_000), "20 mm are 2.1 million counts: {way:?}");
+    let way: Vec<i64> = server
+        .positions()
+        .iter()
+        .zip(before)
+        .map(|(now, then)| (now - then).abs())
+        .collect();
+    assert!(
+        way.iter().all(|counts| *counts > 1_900_000),
+        "20 mm are 2.1 million counts: {way:?}"
+    );
 }

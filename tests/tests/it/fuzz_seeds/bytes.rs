@@ -1,4 +1,5 @@
-//! From a value to the bytes that `arbitrary` makes it of. Its format may change, so every seed is read back and compared.
+//! From a value to the bytes that `arbitrary` makes it of. Its format may change, so every seed is
+//! read back and compared.
 
 use std::fmt::Debug;
 

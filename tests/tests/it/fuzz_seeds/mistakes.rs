@@ -1,8 +1,20 @@
 //! Texts with one mistake.
 
 /// Numbers and words that hurt where a number stands.
-const WRONG: [&str; 12] =
-    ["nan", "inf", "-inf", "1e999", "-1e308", "5e-324", "-0.0", "0.0", "-1", "9223372036854775807", "\"1\"", ""];
+const WRONG: [&str; 12] = [
+    "nan",
+    "inf",
+    "-inf",
+    "1e999",
+    "-1e308",
+    "5e-324",
+    "-0.0",
+    "0.0",
+    "-1",
+    "9223372036854775807",
+    "\"1\"",
+    "",
+];
 /// Bytes from one cut to the next: a prime, so that it cuts everywhere in a line.
 const BETWEEN_CUTS: usize = 23;
 
@@ -26,9 +38,11 @@ pub(crate) fn each(text: &str, mut with: impl FnMut(&str)) {
 
 /// Positions of numbers; a digit of a name counts too.
 fn numbers(text: &str) -> Vec<std::ops::Range<usize>> {
-    let is_of_number = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
     let mut numbers: Vec<std::ops::Range<usize>> = Vec::new();
-    for (at, c) in text.char_indices().filter(|(_, c)| is_of_number(*c)) {
+    let of_numbers = text
+        .char_indices()
+        .filter(|(_, c)| c.is_ascii_digit() || matches!(c, '.' | '-'));
+    for (at, c) in of_numbers {
         match numbers.last_mut() {
             Some(last) if last.end == at => last.end = at + c.len_utf8(),
             _ => numbers.push(at..at + c.len_utf8()),

@@ -1,6 +1,8 @@
-//! The seeds of `../fuzz`: written here, each named by what it means, compared with the files, and replayed on stable Rust.
+//! The seeds of `../fuzz`: written here, each named by what it means, compared with the files, and
+//! replayed on stable Rust.
 //!
-//! `GANTRY_TAU_WRITE_SEEDS=1 cargo test -p gantry-tau-tests --test it fuzz_seeds` writes the files anew.
+//! `GANTRY_TAU_WRITE_SEEDS=1 cargo test -p gantry-tau-tests --test it fuzz_seeds` writes the
+//! files again.
 
 mod bytes;
 mod labcomm;
@@ -46,9 +48,13 @@ fn folder(kind: &str, target: &str) -> PathBuf {
 /// Returns the files of a folder by name; empty without the folder.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
-    let paths = entries.map(|entry| entry.unwrap().path());
-    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
-    paths.map(|path| (name(&path), std::fs::read(&path).unwrap())).collect()
+    entries
+        .map(|entry| {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            (name, std::fs::read(&path).unwrap())
+        })
+        .collect()
 }
 
 #[test]
@@ -70,35 +76,47 @@ fn the_files_are_the_seeds() {
             let same = files.get(name) == Some(bytes);
             assert!(same, "{target}/{name} is old: GANTRY_TAU_WRITE_SEEDS=1");
         }
-        let names = |map: &BTreeMap<String, _>| map.keys().cloned().collect::<Vec<_>>();
-        assert_eq!(names(&files), names(&seeds), "{target}: no other file");
+        assert!(files.keys().eq(seeds.keys()), "{target}: no other file");
     }
 }
 
-/// With GANTRY_TAU_REPLAY_CORPUS also what fuzzing on this machine has found, in `fuzz/corpus`: `fuzz/coverage.sh corpus` asks for it.
+/// With GANTRY_TAU_REPLAY_CORPUS also what fuzzing on this machine has found, in `fuzz/corpus`:
+/// `fuzz/coverage.sh corpus` asks for it.
 #[test]
 fn every_seed_holds() {
     let with_corpus = std::env::var_os("GANTRY_TAU_REPLAY_CORPUS").is_some();
     for (target, run) in TARGETS {
         let found = with_corpus.then(|| files(&folder("corpus", target)));
-        for (name, bytes) in seeds_of(target).into_iter().chain(found.into_iter().flatten()) {
+        for (name, bytes) in seeds_of(target)
+            .into_iter()
+            .chain(found.into_iter().flatten())
+        {
             println!("{target}/{name}");
             run(&bytes);
         }
     }
 }
 
-/// Files that people write are wrong in one place, which random bytes seldom are.
-#[test]
-fn every_mistake_in_a_file_holds() {
-    let without_mistakes = |target: &str, name: &str| match target {
+/// True for a seed in which mistakes are to be made.
+fn is_without_mistakes(target: &str, name: &str) -> bool {
+    match target {
         "config" => name.ends_with("_learned"),
         "measurements" => true,
         _ => false,
-    };
+    }
+}
+
+/// Files that people write are wrong in one place, which random bytes seldom are.
+#[test]
+fn every_mistake_in_a_file_holds() {
     for (target, run) in TARGETS {
-        for (name, bytes) in seeds_of(target).into_iter().filter(|(name, _)| without_mistakes(target, name)) {
-            let Ok(text) = String::from_utf8(bytes) else { continue };
+        for (name, bytes) in seeds_of(target)
+            .into_iter()
+            .filter(|(name, _)| is_without_mistakes(target, name))
+        {
+            let Ok(text) = String::from_utf8(bytes) else {
+                continue;
+            };
             println!("{target}/{name}");
             mistakes::each(&text, |wrong| run(wrong.as_bytes()));
         }

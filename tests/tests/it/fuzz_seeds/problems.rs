@@ -35,36 +35,43 @@ const F1: Six = Six {
 
 const FAR: i16 = i16::MAX;
 
+fn anywhere(place: [f64; 3], turn: [f64; 3], seed: Option<[f64; 3]>, q: [f64; 6]) -> Problem {
+    Problem::Anywhere {
+        place,
+        turn,
+        seed,
+        q,
+    }
+}
+
 pub(crate) fn seeds() -> Vec<Seed> {
-    let three = |three| Problem::Three(three);
-    let six = |six| Problem::Six(six);
-    let anywhere = |place, turn, seed, q| Problem::Anywhere { place, turn, seed, q };
     let here = [0.0, 0.5, 0.65];
     seeds! {
-        "three_at_home" => three(L2);
-        "three_skew_guideways" => three(Three { guideways: [[4_000, -9_000, 12_000], [-7_000, 20_000, 3_000], [1, 2, -FAR]],
+        "three_at_home" => Problem::Three(L2);
+        "three_skew_guideways" => Problem::Three(Three { guideways: [[4_000, -9_000, 12_000], [-7_000, 20_000, 3_000], [1, 2, -FAR]],
             origins: [[FAR, 0, 0], [0, -FAR, 900], [0, 77, FAR]], tool: [FAR, -9_000, 12_345], ..L2 });
-        "three_out_of_reach" => three(Three { elsewhere: [0, FAR, FAR], ..L2 });
-        "three_links_that_cannot_meet" => three(Three { moved: [FAR, -FAR, FAR], ..L2 });
-        "three_other_side" => three(Three { positions: [-FAR, FAR, -FAR], ..L2 });
-        "three_nearly_singular" => three(Three { positions: [-19_600, 19_650, -19_700], elsewhere: [100, 0, 0], moved: [10, -10,
+        "three_out_of_reach" => Problem::Three(Three { elsewhere: [0, FAR, FAR], ..L2 });
+        "three_links_that_cannot_meet" => Problem::Three(Three { moved: [FAR, -FAR, FAR], ..L2 });
+        "three_other_side" => Problem::Three(Three { positions: [-FAR, FAR, -FAR], ..L2 });
+        "three_nearly_singular" => Problem::Three(Three { positions: [-19_600, 19_650, -19_700], elsewhere: [100, 0, 0], moved: [10, -10,
             10], ..L2 });
-        // Found by fuzzing: both places of the tool lie within one hundredth of a radian on the circle about the first two carts.
-        "three_with_places_side_by_side" => three(Three { origins: [[-26_214, -26_215, -26_215], [16_313, 0, 0], [0, 20_224,
+        // Found by fuzzing: both places of the tool lie within one hundredth of a radian on the
+        // circle about the first two carts.
+        "three_with_places_side_by_side" => Problem::Three(Three { origins: [[-26_214, -26_215, -26_215], [16_313, 0, 0], [0, 20_224,
             26_214]], guideways: [[-26_183, 26_265, 16_281], [-26_214, -26_215, -26_215], [16_313, -26_214, -26_215]], joints:
             [[-26_215, -26_214, -26_215], [-26_215, -26_183, -26_215], [16_329, -26_111, -26_215], [-26_215, -18_023, 63], [0; 3],
             [26_191, -18_074, -26_215]], tool: [-26_266, -26_049, -26_215], positions: [-26_215, -18_023, -26_049], elsewhere:
             [-26_215, -26_215, -25_959], moved: [-26_215, -26_215, -18_023] });
-        "six_at_home" => six(F1);
-        "six_turned" => six(Six { tool: [2_000, -9_000, 4_000, 9_000, -7_000, 12_000], positions: [900, -900, 4_000, 12_000,
+        "six_at_home" => Problem::Six(F1);
+        "six_turned" => Problem::Six(Six { tool: [2_000, -9_000, 4_000, 9_000, -7_000, 12_000], positions: [900, -900, 4_000, 12_000,
             -12_000, 5_000], off: [1_000, -1_000, 1_000, 1_000, -1_000, 1_000], ..F1 });
-        "six_turning_the_other_way" => six(Six { turn_signs: [false, true], off: [300; 6], ..F1 });
-        "six_of_odd_shape" => six(Six { carts: [[FAR, 0, 900], [0, -FAR, 0], [12_000, 0, FAR]], guideways: [[9_000, 0, 0], [0,
+        "six_turning_the_other_way" => Problem::Six(Six { turn_signs: [false, true], off: [300; 6], ..F1 });
+        "six_of_odd_shape" => Problem::Six(Six { carts: [[FAR, 0, 900], [0, -FAR, 0], [12_000, 0, FAR]], guideways: [[9_000, 0, 0], [0,
             9_000, 0], [-9_000, 0, 0]], axes: [[9_000, 0, 0], [0, 0, -9_000]], plate_joints: [[700, -9_000, 1_000]; 6], ..F1 });
-        "six_seeded_far_away" => six(Six { off: [FAR, -FAR, FAR, -FAR, FAR, -FAR], ..F1 });
-        // Found by fuzzing: with the seed's plates two thousandths of a radian off, link 21 starts too near to across, and the first attempt
-        // at the inverse diverges.
-        "six_with_a_link_across_its_guideway" => six(Six { carts: [[0; 3], [0; 3], [0, 0, 13_107]], guideways: [[13_107, 13_107,
+        "six_seeded_far_away" => Problem::Six(Six { off: [FAR, -FAR, FAR, -FAR, FAR, -FAR], ..F1 });
+        // Found by fuzzing: with the seed's plates two thousandths of a radian off, link 21 starts
+        // too near to across, and the first attempt at the inverse diverges.
+        "six_with_a_link_across_its_guideway" => Problem::Six(Six { carts: [[0; 3], [0; 3], [0, 0, 13_107]], guideways: [[13_107, 13_107,
             16_339], [-30_841; 3], [-30_841; 3]], plate_joints: [[-30_841; 3]; 6], joints: [[-30_841; 3]; 6], axes: [[-30_841; 3],
             [-30_841, -30_841, -26_214]], turn_signs: [true, true], tool: [-31_591, -18_023, 63, 0, 0, 0], positions: [-26_112,
             -26_215, -26_215, -13_927, 319, -26_214], off: [-26_215, -13_671, 16_313, -26_214, -26_215, -28_263] });

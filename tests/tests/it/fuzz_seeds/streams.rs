@@ -28,7 +28,8 @@ pub(crate) fn command<const N: usize>(sequence: u64) -> Vec<u8> {
 /// Frames of a session of so many axes: Hello, Welcome, a State of Obtain, Goodbye, Stop.
 fn session<const N: usize>() -> [Vec<u8>; 5] {
     let nominal = [PositionNm(624_500_000); N];
-    let session = Session::new(Config::new(parameters()).unwrap(), &Start::at_rest(nominal)).unwrap();
+    let session =
+        Session::new(Config::new(parameters()).unwrap(), &Start::at_rest(nominal)).unwrap();
     let motors = MotorMap::new(std::array::from_fn(|axis| axis)).unwrap();
     let mut server = Endpoint::<N, N>::new(session, motors, EpochRange::VOLATILE);
     let connection = server.open(Transport::Stream).unwrap();
@@ -42,10 +43,19 @@ fn session<const N: usize>() -> [Vec<u8>; 5] {
             assert!(client.feed(frame).1.is_ok());
             heard.push(frame.to_vec());
         }
-        said = client.answer(Mode::Obtain, &[Offsets::position(OffsetNm(-100_000)); N]).unwrap().frame;
+        said = client
+            .answer(Mode::Obtain, &[Offsets::position(OffsetNm(-100_000)); N])
+            .unwrap()
+            .frame;
     }
     let (stop, goodbye) = (client.stop().unwrap(), client.goodbye().unwrap());
-    [hello.to_vec(), heard.remove(0), heard.pop().unwrap(), goodbye.to_vec(), stop.to_vec()]
+    [
+        hello.to_vec(),
+        heard.remove(0),
+        heard.pop().unwrap(),
+        goodbye.to_vec(),
+        stop.to_vec(),
+    ]
 }
 
 /// One frame of every kind.
@@ -68,22 +78,29 @@ fn frames() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
+/// A stream in pieces of these lengths.
+fn cut(lengths: &[u8], stream: &[u8]) -> Vec<u8> {
+    let count = u8::try_from(lengths.len()).unwrap();
+    [&[count], lengths, stream].concat()
+}
+
 /// Streams for the deframer: how many chunk lengths, these (less 1), and the stream.
 pub(crate) fn streams() -> Vec<Seed> {
-    let cut = |lengths: &[u8], stream: &[u8]| {
-        let count = u8::try_from(lengths.len()).unwrap();
-        [&[count], lengths, stream].concat()
-    };
     let frames = frames();
-    let named = |name: &str| &frames.iter().find(|(known, _)| *known == name).unwrap().1;
-    let session = [&named("hello")[..], &command::<3>(42), &command::<3>(43), named("goodbye")].concat();
+    let [hello, goodbye, stop] = ["hello", "goodbye", "stop"].map(|name| {
+        let (_, frame) = frames.iter().find(|(known, _)| *known == name).unwrap();
+        frame
+    });
+    let session = [&hello[..], &command::<3>(42), &command::<3>(43), goodbye].concat();
     let mut bad_checksum = command::<3>(42);
     *bad_checksum.last_mut().unwrap() ^= 1;
-    let mut of_the_next_version = named("hello").clone();
+    let mut of_the_next_version = hello.clone();
     of_the_next_version[2] = 2;
-    let mut too_long = named("hello").clone();
+    let mut too_long = hello.clone();
     too_long[5] = 2;
-    let mut seeds: Vec<Seed> = (frames.iter()).map(|(name, frame)| ((*name).to_owned(), cut(&[0, 6], frame))).collect();
+    let mut seeds: Vec<Seed> = (frames.iter())
+        .map(|(name, frame)| ((*name).to_owned(), cut(&[0, 6], frame)))
+        .collect();
     for (name, lengths, stream) in [
         ("session", &[0, 6][..], &session),
         ("session_byte_by_byte", &[0][..], &session),
@@ -91,19 +108,25 @@ pub(crate) fn streams() -> Vec<Seed> {
         ("checksum_wrong", &[30][..], &bad_checksum),
         ("version_of_the_future", &[2][..], &of_the_next_version),
         ("longer_than_any_body", &[3][..], &too_long),
-        ("noise_after_a_frame", &[9][..], &[&named("stop")[..], b"noise"].concat()),
+        (
+            "noise_after_a_frame",
+            &[9][..],
+            &[&stop[..], b"noise"].concat(),
+        ),
     ] {
         seeds.push((name.to_owned(), cut(lengths, stream)));
     }
     seeds
 }
 
+/// A body to be sealed, with a place to cut and a bit to flip.
+fn seal(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
+    let (cut, bit) = (9_u16.to_le_bytes(), 77_u16.to_le_bytes());
+    [&[version, kind][..], &cut, &bit, body].concat()
+}
+
 /// Bodies for the frame target: version, kind, where it is cut, which bit flips, body.
 pub(crate) fn sealed() -> Vec<Seed> {
-    let seal = |version: u8, kind: u8, body: &[u8]| {
-        let (cut, bit) = (9_u16.to_le_bytes(), 77_u16.to_le_bytes());
-        [&[version, kind][..], &cut, &bit, body].concat()
-    };
     let mut seeds: Vec<Seed> = Vec::new();
     for (name, frame) in frames() {
         let body = &frame[6..frame.len() - 4];

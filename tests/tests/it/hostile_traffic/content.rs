@@ -1,4 +1,5 @@
-//! The inside of frames: duplicated, reordered, of another session, out of range, nonsense. Each costs its frame and no more.
+//! The inside of frames: duplicated, reordered, of another session, out of range, nonsense. Each
+//! costs its frame and no more.
 
 use gantry_tau_core::control::message::{Cause, ClientMessage, Command, Counters, Mode, Phase};
 use gantry_tau_core::units::Epoch;
@@ -21,25 +22,69 @@ fn second_session() -> SessionFixture<3> {
 fn a_command_that_is_no_fresh_answer_is_a_miss() {
     type Case = (&'static str, fn(&mut Command<3>), fn(&Counters) -> u32);
     let cases: [Case; 19] = [
-        ("of the last sequence", |c| c.sequence.0 -= 1, |n| n.duplicate),
+        (
+            "of the last sequence",
+            |c| c.sequence.0 -= 1,
+            |n| n.duplicate,
+        ),
         ("overtaken", |c| c.sequence.0 -= 2, |n| n.late),
         ("65 537 ahead", |c| c.sequence.0 += 65_536, |n| n.stale),
-        ("of the greatest sequence", |c| c.sequence.0 = u64::MAX, |n| n.stale),
+        (
+            "of the greatest sequence",
+            |c| c.sequence.0 = u64::MAX,
+            |n| n.stale,
+        ),
         ("to the State before", |c| c.echo.0 -= 1, |n| n.late),
         ("to the first State", |c| c.echo.0 = 0, |n| n.late),
         ("to the next State", |c| c.echo.0 += 1, |n| n.stale),
-        ("to the last State there can be", |c| c.echo.0 = u64::MAX, |n| n.stale),
+        (
+            "to the last State there can be",
+            |c| c.echo.0 = u64::MAX,
+            |n| n.stale,
+        ),
         ("of no session", |c| c.epoch.0 = 0, |n| n.stale),
         ("of the session before", |c| c.epoch.0 -= 1, |n| n.stale),
         ("of the next session", |c| c.epoch.0 += 1, |n| n.stale),
-        ("of the last session there can be", |c| c.epoch.0 = u64::MAX, |n| n.stale),
-        ("too far", |c| c.targets[2] = offsets(MAX_NM + 1, 0, 0), |n| n.out_of_range),
-        ("too far back", |c| c.targets[2] = offsets(-MAX_NM - 1, 0, 0), |n| n.out_of_range),
-        ("as far back as can be", |c| c.targets[2] = offsets(i32::MIN, 0, 0), |n| n.out_of_range),
-        ("too fast", |c| c.targets[2] = offsets(0, 5_001, 0), |n| n.out_of_range),
-        ("as fast back as can be", |c| c.targets[2] = offsets(0, i32::MIN, 0), |n| n.out_of_range),
-        ("too strong", |c| c.targets[2] = offsets(0, 0, -51), |n| n.out_of_range),
-        ("too strong and too far", |c| c.targets[0] = offsets(MAX_NM + 1, 0, 51), |n| n.out_of_range),
+        (
+            "of the last session there can be",
+            |c| c.epoch.0 = u64::MAX,
+            |n| n.stale,
+        ),
+        (
+            "too far",
+            |c| c.targets[2] = offsets(MAX_NM + 1, 0, 0),
+            |n| n.out_of_range,
+        ),
+        (
+            "too far back",
+            |c| c.targets[2] = offsets(-MAX_NM - 1, 0, 0),
+            |n| n.out_of_range,
+        ),
+        (
+            "as far back as can be",
+            |c| c.targets[2] = offsets(i32::MIN, 0, 0),
+            |n| n.out_of_range,
+        ),
+        (
+            "too fast",
+            |c| c.targets[2] = offsets(0, 5_001, 0),
+            |n| n.out_of_range,
+        ),
+        (
+            "as fast back as can be",
+            |c| c.targets[2] = offsets(0, i32::MIN, 0),
+            |n| n.out_of_range,
+        ),
+        (
+            "too strong",
+            |c| c.targets[2] = offsets(0, 0, -51),
+            |n| n.out_of_range,
+        ),
+        (
+            "too strong and too far",
+            |c| c.targets[0] = offsets(MAX_NM + 1, 0, 51),
+            |n| n.out_of_range,
+        ),
     ];
     let mut session = second_session();
     // 65 536 ahead is fresh.
@@ -74,7 +119,10 @@ fn a_target_far_away_is_approached_in_steps_of_s() {
     let mut session = SessionFixture::obtained([0; 3]);
     for tick in 1..=40 {
         let row = session.answer(Mode::Obtain, [MAX_NM, -MAX_NM, 0]);
-        assert_eq!(session.server.bus.positions(), [5_000 * tick, -5_000 * tick, 0]);
+        assert_eq!(
+            session.server.bus.positions(),
+            [5_000 * tick, -5_000 * tick, 0]
+        );
         let limited = row.state.axes.map(|axis| axis.flags.bits());
         assert_eq!(limited, [2, 2, 0]);
     }
@@ -112,7 +160,8 @@ fn every_byte_of_a_commands_body_may_be_anything() {
         let frame = session.client.frame(Mode::Obtain, [7; 3]);
         let mut body = frame[6..64].to_vec();
         body[index] ^= 0xa5;
-        // Whatever it means now, the answer behind it is the higher sequence, and acts or is a miss.
+        // For any meaning of it now, the answer behind it is the higher sequence, and acts or is a
+        // miss.
         let answer = session.client.frame(Mode::Obtain, [0; 3]);
         assert_eq!(session.deliver(&[enclose(1, 3, &body), answer].concat()), 2);
         assert_eq!(session.tick().state.phase, Phase::Obtain, "byte {index}");

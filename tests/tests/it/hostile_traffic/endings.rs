@@ -1,4 +1,5 @@
-//! Ends of sessions: by a reset, a close, a frozen client, one that never reads, a Goodbye, a Stop, a Hello too many.
+//! Ends of sessions: by a reset, a close, a frozen client, one that never reads, a Goodbye, a Stop,
+//! a Hello too many.
 
 use gantry_tau_core::control::message::{Cause, ClientMessage, Mode, Phase, Refusal};
 use gantry_tau_core::control::wire::encode_client;
@@ -9,7 +10,8 @@ use gantry_tau_tests::wait_for;
 
 use super::AT;
 
-/// Ticks after which a client that never reads must have been noticed: its States are 220 bytes, no system buffers 100 MB of them.
+/// Ticks after which a client that never reads must have been noticed: its States are 220 bytes, no
+/// system buffers 100 MB of them.
 const PATIENCE: usize = 500_000;
 
 /// A session in Submit whose client buffers as little as can be.
@@ -57,7 +59,10 @@ fn a_frozen_client_is_held_once_then_ramped_and_told() {
 #[test]
 fn a_frozen_client_at_full_offset_is_ramped_whether_or_not_its_buffers_fill() {
     let full = [MAX_NM, -MAX_NM, MAX_NM - 50];
-    let SessionFixture { mut server, client: frozen } = narrow().obtain(full);
+    let SessionFixture {
+        mut server,
+        client: frozen,
+    } = narrow().obtain(full);
     server.step();
     assert_eq!(server.bus.positions(), full);
     server.assert_disconnect(full, Cause::ClientLate);
@@ -117,14 +122,24 @@ fn the_owners_stop_is_a_fault_that_only_the_machine_s_side_ends() {
     for row in rows {
         assert_eq!(session.client.state(), row.state);
     }
-    // No word of the client's leads out, and a newcomer is told.
+    // No word of the client's leads out, and a newcomer hears so.
     for _ in 0..20 {
         session.deliver_answer(AT);
         assert_eq!(session.tick().state.phase, Phase::Fault);
     }
-    assert_eq!(session.server.refusal(&encode_client(&hello::<3>())), Refusal::Faulted { ticks_left: 0 });
+    assert_eq!(
+        session.server.refusal(&encode_client(&hello::<3>())),
+        Refusal::Faulted { ticks_left: 0 }
+    );
     assert_eq!(session.server.step_rearmed().state.phase, Phase::Listening);
     let _ = SessionFixture::submitted_on(session.server);
+}
+
+/// A client that has said Hello.
+fn asking(server: std::net::SocketAddr) -> Client<3> {
+    let mut newcomer = Client::connect(server);
+    newcomer.say_hello();
+    newcomer
 }
 
 #[test]
@@ -133,11 +148,6 @@ fn no_peer_is_let_in_during_a_ramp() {
     session.say(&ClientMessage::Goodbye(session.client.epoch));
     let mut before = session.tick().state;
     let mut server = session.server;
-    let asking = |address| {
-        let mut newcomer = Client::<3>::connect(address);
-        newcomer.say_hello();
-        newcomer
-    };
     let mut newcomer = asking(server.address());
     let mut refused = 0;
     wait_for("the newcomer's session", || {
@@ -145,12 +155,21 @@ fn no_peer_is_let_in_during_a_ramp() {
         let row = server.step();
         if row.refused > 0 {
             refused += 1;
-            // It is told what was left when it asked: the coming tick's step is not yet in it.
-            assert_eq!(newcomer.refusal(), Refusal::Ramping { ticks_left: before.ramp_ticks_left });
+            // It hears what was left when it asked: the coming tick's step is not yet in it.
+            assert_eq!(
+                newcomer.refusal(),
+                Refusal::Ramping {
+                    ticks_left: before.ramp_ticks_left
+                }
+            );
             newcomer = asking(server.address());
         }
         if row.welcomed {
-            assert_eq!((before.phase, before.ramp_ticks_left), (Phase::Listening, 0), "let in during the ramp");
+            assert_eq!(
+                (before.phase, before.ramp_ticks_left),
+                (Phase::Listening, 0),
+                "let in during the ramp"
+            );
         }
         before = row.state;
         row.welcomed

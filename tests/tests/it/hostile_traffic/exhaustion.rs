@@ -1,4 +1,5 @@
-//! Attempts to use the server up: thousands of connections, connections that hardly speak. The owner notices none of them.
+//! Attempts to use the server up: thousands of connections, connections that hardly speak. The
+//! owner notices none of them.
 
 use std::net::TcpStream;
 
@@ -23,7 +24,9 @@ fn thousands_of_connections_come_and_go() {
     let mut session = SessionFixture::obtained(AT);
     let before = Footprint::now();
     for round in 0..300 {
-        let crowd: Vec<TcpStream> = (0..10).map(|_| TcpStream::connect(session.server.address()).unwrap()).collect();
+        let crowd: Vec<TcpStream> = (0..10)
+            .map(|_| TcpStream::connect(session.server.address()).unwrap())
+            .collect();
         for _ in 0..5 {
             tick(&mut session);
         }
@@ -32,11 +35,12 @@ fn thousands_of_connections_come_and_go() {
             drop(crowd);
         }
     }
-    // What waits in the system's queue comes in, is told that all places are taken, and goes.
+    // What waits in the system's queue comes in, hears that all places are taken, and goes.
     for _ in 0..2_000 {
         tick(&mut session);
     }
-    // This process holds both ends of the connections, and those of the tests beside this one until they end.
+    // This process holds both ends of the connections, and those of the tests beside this one until
+    // they end.
     wait_for("the descriptors of thousands", || {
         tick(&mut session);
         before.is_none_or(|before| Footprint::now().unwrap().files <= before.files + 8)
@@ -47,7 +51,9 @@ fn thousands_of_connections_come_and_go() {
 fn who_hardly_speaks_is_closed_and_a_newcomer_is_served() {
     let mut session = SessionFixture::obtained(AT);
     let hello = encode_client(&hello::<3>());
-    let mut slow: Vec<Client<3>> = (0..5).map(|_| Client::connect(session.server.address())).collect();
+    let mut slow: Vec<Client<3>> = (0..5)
+        .map(|_| Client::connect(session.server.address()))
+        .collect();
     // A byte each now and then: never a whole Hello within the thousand ticks that another has.
     for at in 0..5 {
         for client in &mut slow {

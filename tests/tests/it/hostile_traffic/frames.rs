@@ -51,7 +51,10 @@ fn a_frame_that_straddles_a_tick_is_late_and_not_broken() {
         } else {
             assert_eq!(session.deliver_answer([400, 0, 0]), 2);
             let row = session.tick();
-            assert_eq!((row.state.phase, session.server.bus.positions()), (Phase::Obtain, [400, 0, 0]));
+            assert_eq!(
+                (row.state.phase, session.server.bus.positions()),
+                (Phase::Obtain, [400, 0, 0])
+            );
             assert_eq!((row.state.counters.late, row.state.counters.missed), (1, 1));
         }
     }

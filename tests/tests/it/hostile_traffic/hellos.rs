@@ -1,6 +1,8 @@
-//! From connecting to the first command: who is let in, and what the others are told.
+//! From connecting to the first command: who is let in, and what the others hear.
 
-use gantry_tau_core::control::message::{Capabilities, Cause, ClientMessage, Hello, Phase, Refusal};
+use gantry_tau_core::control::message::{
+    Capabilities, Cause, ClientMessage, Hello, Phase, Refusal,
+};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange};
 use gantry_tau_tests::client::{Client, enclose};
@@ -9,7 +11,10 @@ use gantry_tau_tests::server_fixture::{ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::SessionFixture;
 
 fn hello_with(axes: u8, capabilities: u16) -> Vec<u8> {
-    let hello = Hello { axes, capabilities: Capabilities(capabilities) };
+    let hello = Hello {
+        axes,
+        capabilities: Capabilities(capabilities),
+    };
     encode_client(&ClientMessage::<3>::Hello(hello)).to_vec()
 }
 
@@ -17,7 +22,8 @@ fn hello_with(axes: u8, capabilities: u16) -> Vec<u8> {
 fn a_hello_is_refused_with_its_reason() {
     let mut parameters = parameters::<3>();
     parameters.capabilities = Capabilities::LOCKSTEP;
-    let mut server = ServerFixture::start(parameters, Bus::default(), EpochRange::VOLATILE).unwrap();
+    let mut server =
+        ServerFixture::start(parameters, Bus::default(), EpochRange::VOLATILE).unwrap();
     for axes in [0, 2, 4, 6, 255] {
         let said = server.refusal(&hello_with(axes, 1));
         assert_eq!(said, Refusal::Axes { expected: 3 });
@@ -39,7 +45,10 @@ fn a_hello_is_refused_with_its_reason() {
 
 #[test]
 fn a_server_without_an_epoch_to_give_says_so() {
-    let epochs = EpochRange { first: Epoch(8), last: Epoch(7) };
+    let epochs = EpochRange {
+        first: Epoch(8),
+        last: Epoch(7),
+    };
     let mut server = ServerFixture::<3>::start(parameters(), Bus::default(), epochs).unwrap();
     let said = server.refusal(&hello_with(3, 0));
     assert_eq!(said, Refusal::Unavailable);

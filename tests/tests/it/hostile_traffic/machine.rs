@@ -1,7 +1,8 @@
 //! Trouble on the machine's side of the server: late cycles, nominals that jump, a bus that fails.
 
-use gantry_tau::server::cycle::{Demands, Row};
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::cycle::OperatorInputs;
 use gantry_tau_tests::server_fixture::{NOMINAL_STEP_NM, ServerFixture};
 use gantry_tau_tests::session_fixture::SessionFixture;
 
@@ -11,9 +12,9 @@ use super::AT;
 const STEPPED: [i32; 3] = [12_245, -6_950, 0];
 
 /// The owner's answer arrives, and the server comes `elapsed` cycles after its last tick.
-fn answer_late(session: &mut SessionFixture<3>, elapsed: u32) -> Row<3> {
+fn answer_late(session: &mut SessionFixture<3>, elapsed: u32) -> TickRecord<3> {
     session.deliver_answer(AT);
-    let row = session.server.step_with(elapsed, Demands::default());
+    let row = session.server.step_with(elapsed, OperatorInputs::default());
     assert_eq!(session.client.state(), row.state);
     row
 }
@@ -41,7 +42,10 @@ fn one_skipped_cycle_is_one_miss() {
     let before = session.client.tick.0;
     let row = answer_late(&mut session, 2);
     assert_eq!((row.state.phase, row.ended), (Phase::Obtain, None));
-    assert_eq!((row.state.counters.missed, row.state.tick.0), (1, before + 2));
+    assert_eq!(
+        (row.state.counters.missed, row.state.tick.0),
+        (1, before + 2)
+    );
     // The answer that came resets the misses.
     session.assert_held();
     session.answer(Mode::Obtain, AT);
@@ -52,7 +56,7 @@ fn a_late_cycle_takes_one_step_of_the_ramp_and_no_more() {
     let mut session = SessionFixture::obtained([1_000; 3]);
     session.assert_held();
     for (step, elapsed) in (1..).zip([1, 7, 2, u32::MAX, 0]) {
-        session.server.step_with(elapsed, Demands::default());
+        session.server.step_with(elapsed, OperatorInputs::default());
         assert_eq!(session.server.bus.positions(), [1_000 - 100 * step; 3]);
     }
 }
@@ -66,7 +70,10 @@ fn a_nominal_at_its_limit_moves_on_in_peace() {
             nominal.0 += direction * i64::from(NOMINAL_STEP_NM);
         }
         let row = session.answer(Mode::Obtain, AT);
-        assert_eq!((row.state.phase, session.server.bus.positions()), (Phase::Obtain, AT));
+        assert_eq!(
+            (row.state.phase, session.server.bus.positions()),
+            (Phase::Obtain, AT)
+        );
     }
     // Two cycles may move it twice as far.
     for nominal in &mut session.server.bus.record().nominal {
@@ -119,7 +126,8 @@ fn a_bus_that_comes_back_sees_no_step() {
     session.server.step();
     assert_eq!(session.server.bus.writes(), writes);
     session.server.bus.record().offsets_fail = false;
-    // The server compares with what the drives had in force: 100 nm per tick from there, whatever was lost.
+    // The server compares with what the drives had in force: 100 nm per tick from there, for
+    // any loss.
     session.server.assert_ramp(AT, Phase::Fault);
 }
 

@@ -1,6 +1,7 @@
-//! Hostile traffic over a real socket. Whatever arrives, the references of the machine obey `docs/design.md` 6:
-//! the first miss holds, from the second on positions fall by exactly 100 nm per tick, and no peer is let in before zero.
-//! (The server asserts the bounds in every tick; the tests say what must happen beside that.)
+//! Hostile traffic over a real socket. For any traffic, the references of the machine obey
+//! `docs/design.md` 6: the first miss holds, from the second on positions fall by exactly 100 nm
+//! per tick, and no peer is let in before zero. (The server asserts the bounds in every tick; the
+//! tests say what must happen beside that.)
 
 mod content;
 mod endings;

@@ -1,4 +1,5 @@
-//! Everybody else: others beside a session get their answers, and the session is what it would be without them (T7).
+//! Everybody else: others beside a session get their answers, and the session is what it would be
+//! without them (T7).
 
 use std::collections::VecDeque;
 use std::io::Write;
@@ -15,7 +16,11 @@ use gantry_tau_tests::wait_for;
 use super::AT;
 
 /// The session goes on until `done`; its references do not move.
-fn answer_until(session: &mut SessionFixture<3>, what: &str, mut done: impl FnMut(&mut SessionFixture<3>) -> bool) {
+fn answer_until(
+    session: &mut SessionFixture<3>,
+    what: &str,
+    mut done: impl FnMut(&mut SessionFixture<3>) -> bool,
+) {
     wait_for(what, || {
         assert_eq!(session.answer(Mode::Obtain, AT).state.phase, Phase::Obtain);
         assert_eq!(session.server.bus.positions(), AT);
@@ -55,7 +60,9 @@ fn a_non_owner_cannot_stop_leave_or_command_for_the_owner() {
             1 => ClientMessage::Goodbye(epoch),
             _ => ClientMessage::Command(command),
         });
-        answer_until(&mut session, "the other's frame", |session| session.server.non_owner() == count);
+        answer_until(&mut session, "the other's frame", |session| {
+            session.server.non_owner() == count
+        });
         assert!(other.is_quiet());
     }
 }
@@ -76,7 +83,10 @@ fn a_non_owner_with_broken_frames_or_too_many_is_closed() {
 #[test]
 fn megabytes_of_a_non_owner_cost_it_its_connection() {
     let mut session = SessionFixture::obtained(AT);
-    for bytes in [Noise::new(9).bytes(8 << 20), enclose(1, 6, &session.client.epoch.0.to_le_bytes()).repeat(1 << 18)] {
+    for bytes in [
+        Noise::new(9).bytes(8 << 20),
+        enclose(1, 6, &session.client.epoch.0.to_le_bytes()).repeat(1 << 18),
+    ] {
         let mut writer = other(&session).writer();
         let flood = std::thread::spawn(move || writer.write_all(&bytes).is_err());
         answer_until(&mut session, "the flood's end", |_| flood.is_finished());
@@ -84,7 +94,8 @@ fn megabytes_of_a_non_owner_cost_it_its_connection() {
     }
 }
 
-/// Connections that say nothing make room for those that come, the first of them first; the owner's stays.
+/// Connections that say nothing make room for those that come, the first of them first; the owner's
+/// stays.
 #[test]
 fn for_the_seventh_the_connection_that_has_been_idle_longest_makes_room() {
     let mut session = SessionFixture::obtained(AT);
@@ -94,7 +105,9 @@ fn for_the_seventh_the_connection_that_has_been_idle_longest_makes_room() {
         // Still there: all places are taken.
         assert!(first.is_quiet());
         idle.push_back(other(&session));
-        answer_until(&mut session, "the word for the first", |_| !first.is_quiet());
+        answer_until(&mut session, "the word for the first", |_| {
+            !first.is_quiet()
+        });
         assert_eq!(first.refusal(), Refusal::Unavailable);
         first.assert_closed();
     }
@@ -106,7 +119,8 @@ fn for_the_seventh_the_connection_that_has_been_idle_longest_makes_room() {
     }
 }
 
-/// Found from outside: six connections that say nothing, and come again, kept everybody from the session.
+/// Found from outside: six connections that say nothing, and come again, kept everybody from the
+/// session.
 #[test]
 fn idle_connections_keep_nobody_from_the_session() {
     let mut server = ServerFixture::<3>::default();
@@ -122,8 +136,11 @@ fn idle_connections_keep_nobody_from_the_session() {
     }
 }
 
-/// A session of 120 ticks with moving targets, misses and a ramp; beside each tick, `beside` is called.
-fn play(mut beside: impl FnMut(&SessionFixture<3>, usize)) -> (SessionFixture<3>, Vec<[Reference; 3]>) {
+/// A session of 120 ticks with moving targets, misses and a ramp; beside each tick, `beside` is
+/// called.
+fn play(
+    mut beside: impl FnMut(&SessionFixture<3>, usize),
+) -> (SessionFixture<3>, Vec<[Reference; 3]>) {
     let mut session = SessionFixture::submitted_on(ServerFixture::default());
     let from = session.server.bus.writes();
     for tick in 0..120 {
@@ -140,7 +157,7 @@ fn play(mut beside: impl FnMut(&SessionFixture<3>, usize)) -> (SessionFixture<3>
     (session, written)
 }
 
-/// Whatever another can think of.
+/// Frames that another client can think of.
 fn mischief(noise: &mut Noise, session: &SessionFixture<3>) -> Vec<u8> {
     let epoch = session.client.epoch;
     match noise.below(6) {

@@ -1,27 +1,29 @@
 //! The simulated L2 in lock-step with the real client, stepped by the test.
 //!
-//! Its force sensor has no noise: two runs of a script differ in nothing but the number of ticks before the session.
+//! Its force sensor has no noise: two runs of a script differ in nothing but the number of ticks
+//! before the session.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use gantry_tau::client::{self, ClientControls, ClientError, ClientOptions, ClientReport};
-use gantry_tau::force_sensor::{DEFAULT_NAME, SensorSource};
-use gantry_tau::model::{L2, L2_MOTORS};
-use gantry_tau::publication::Publication;
-use gantry_tau::robot_file::RobotFile;
-use gantry_tau::sensor_link::SensorPublisher;
-use gantry_tau::server::cycle::{Cycle, Demands, Row};
-use gantry_tau::server::event_log::EventLog;
-use gantry_tau::sim::load_generator::{Load, LoadGenerator, load_generator};
-use gantry_tau::sim::machine::SimulatedMachine;
-use gantry_tau::sim::parameters::Motion;
-use gantry_tau::state::StopLatch;
+use gantry_tau_client::force_sensor::{DEFAULT_NAME, SensorSource};
+use gantry_tau_client::{self, ClientControls, ClientError, ClientOptions, ClientReport};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::{EpochRange, Tick};
+use gantry_tau_machine::model::{L2, L2_MOTORS};
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::links::sensor::SensorPublisher;
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::publication::Publication;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
+use gantry_tau_server::server::event_log::EventLog;
+use gantry_tau_server::state::StopLatch;
+use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
+use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::wait_for;
 
@@ -38,7 +40,10 @@ pub(super) const SETTLED: usize = 600;
 fn robot() -> RobotFile<L2, ARMS> {
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
-    (robot.simulation.force_noise_n, robot.simulation.moment_noise_nm) = (0.0, 0.0);
+    (
+        robot.simulation.force_noise_n,
+        robot.simulation.moment_noise_nm,
+    ) = (0.0, 0.0);
     robot
 }
 
@@ -51,12 +56,12 @@ pub(super) struct Lockstep {
     ports: Vec<Publication>,
     log: EventLog,
     /// Every row so far.
-    pub(super) rows: Vec<Row<ARMS>>,
+    pub(super) rows: Vec<TickRecord<ARMS>>,
 }
 
 /// A session, from the tick of its Welcome to the first tick in which the server listens again.
 pub(super) struct Session {
-    pub(super) rows: Vec<Row<ARMS>>,
+    pub(super) rows: Vec<TickRecord<ARMS>>,
     pub(super) client: Result<ClientReport, ClientError>,
 }
 
@@ -65,15 +70,30 @@ impl Lockstep {
     pub(super) fn start(ports: Vec<Publication>) -> Self {
         let robot = robot();
         let (hand, tool) = load_generator();
-        let machine = robot.simulated_machine(tool, Motion::Hold).unwrap();
+        let machine = SimulatedMachine::from_robot(&robot, tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
         let motors = robot.motor_map().unwrap();
         let link = SensorPublisher::bind(LOOPBACK).unwrap();
         let sensor = link.address().unwrap();
         let (sensors, ports) = ports.into_iter().partition(Publication::is_of_sensors);
-        let cycle = Cycle::new(config, motors, machine, EpochRange::VOLATILE, StopLatch::volatile(), LOOPBACK).unwrap();
+        let cycle = Cycle::new(
+            config,
+            motors,
+            machine,
+            EpochRange::VOLATILE,
+            StopLatch::volatile(),
+            LOOPBACK,
+        )
+        .unwrap();
         let cycle = cycle.with_sensor(link).with_sensors(sensors);
-        Self { cycle, hand, sensor, ports, log: EventLog::default(), rows: Vec::new() }
+        Self {
+            cycle,
+            hand,
+            sensor,
+            ports,
+            log: EventLog::default(),
+            rows: Vec::new(),
+        }
     }
 
     /// The server's own sensor link.
@@ -82,8 +102,8 @@ impl Lockstep {
     }
 
     /// One tick, and what `serve` does with its row.
-    pub(super) fn tick(&mut self) -> Row<ARMS> {
-        let row = self.cycle.step(1, Demands::default());
+    pub(super) fn tick(&mut self) -> TickRecord<ARMS> {
+        let row = self.cycle.step(1, OperatorInputs::default());
         let events = self.log.see(&row);
         for port in &mut self.ports {
             port.publish(&row, &events);
@@ -94,7 +114,13 @@ impl Lockstep {
     }
 
     fn pull(&mut self) {
-        self.hand.set(&Load { step: 1, force_n: [FORCE_N, 0.0, 0.0], moment_nm: [0.0; 3] }).unwrap();
+        self.hand
+            .set(&Load {
+                step: 1,
+                force_n: [FORCE_N, 0.0, 0.0],
+                moment_nm: [0.0; 3],
+            })
+            .unwrap();
     }
 
     /// Displacement of the tool by the force without compensation, m.
@@ -108,7 +134,10 @@ impl Lockstep {
 
     /// Waits for what a server in lock-step waits for.
     fn await_answer(&mut self) {
-        if matches!(self.cycle.phase(), Phase::Handshake | Phase::Submit | Phase::Obtain) {
+        if matches!(
+            self.cycle.phase(),
+            Phase::Handshake | Phase::Submit | Phase::Obtain
+        ) {
             wait_for("the answer", || {
                 self.cycle.receive();
                 self.cycle.owner_has_answered()
@@ -118,20 +147,28 @@ impl Lockstep {
         }
     }
 
-    /// Runs a client for so many ticks, or until it leaves by itself, then its ramp. From tick [`PULLED`] on, [`FORCE_N`] pulls in x.
-    /// Before each tick, when the last State has been answered, `beside` gets its number and the last row.
+    /// Runs a client for so many ticks, or until it leaves by itself, then its ramp. From tick
+    /// [`PULLED`] on, [`FORCE_N`] pulls in x. Before each tick, when the last State has been
+    /// answered, `beside` gets its number and the last row.
     pub(super) fn session(
         &mut self,
         sensor: SensorSource,
         ticks: usize,
-        mut beside: impl FnMut(usize, &Row<ARMS>),
+        mut beside: impl FnMut(usize, &TickRecord<ARMS>),
     ) -> Session {
         let server = self.cycle.address().unwrap().into();
         let transport = Transport::Stream;
-        let options = ClientOptions { server, transport, sensor, robot: robot(), record: None, obtain: true };
+        let options = ClientOptions {
+            server,
+            transport,
+            sensor,
+            robot: robot(),
+            record: None,
+            obtain: true,
+        };
         let controls = Arc::new(ClientControls::default());
         let switches = Arc::clone(&controls);
-        let client = std::thread::spawn(move || client::run(&options, &switches));
+        let client = std::thread::spawn(move || gantry_tau_client::run(&options, &switches));
         wait_for("the Welcome", || {
             self.cycle.receive();
             self.tick().welcomed
@@ -146,18 +183,23 @@ impl Lockstep {
                 self.pull();
             }
             self.await_answer();
-            // The client now waits for the State of this tick: with it, it sees the switch, and what is done here.
+            // The client now waits for the State of this tick: with it, it sees the switch, and
+            // what is done here.
             beside(tick, &row);
             controls.quit.store(tick + 1 >= ticks, Ordering::Relaxed);
             self.tick();
         }
         self.hand.release();
-        Session { rows: self.rows[begin..].to_vec(), client: client.join().unwrap() }
+        Session {
+            rows: self.rows[begin..].to_vec(),
+            client: client.join().unwrap(),
+        }
     }
 }
 
 impl Session {
-    /// Checks that another run of the script was the same: phases, references, offsets, actual values, counters.
+    /// Checks that another run of the script was the same: phases, references, offsets, actual
+    /// values, counters.
     pub(super) fn assert_is(&self, other: &Self) {
         let (rows, others) = (self.comparable(), other.comparable());
         for (row, other) in rows.iter().zip(&others) {
@@ -166,16 +208,20 @@ impl Session {
         assert_eq!(rows.len(), others.len());
     }
 
-    /// Rows with ticks counted from the Welcome, without the readings of the gauges. The drives operate from the second tick of the server on,
-    /// whenever the client comes.
-    fn comparable(&self) -> Vec<Row<ARMS>> {
+    /// Rows with ticks counted from the Welcome, without the readings of the gauges. The drives
+    /// operate from the second tick of the server on, whenever the client comes.
+    fn comparable(&self) -> Vec<TickRecord<ARMS>> {
         let begin = self.rows[0].state.tick.0;
-        let relative = |row: &Row<ARMS>| {
-            let mut row = Row { tool: None, drives: None, ..*row };
+        let relative = self.rows.iter().map(|row| {
+            let mut row = TickRecord {
+                tool: None,
+                drives: None,
+                ..*row
+            };
             row.state.tick = Tick(row.state.tick.0 - begin);
             row
-        };
-        self.rows.iter().map(relative).collect()
+        });
+        relative.collect()
     }
 
     /// Checks that no tick was late, and none missed.
@@ -183,23 +229,41 @@ impl Session {
         for (before, row) in self.rows.iter().zip(&self.rows[1..]) {
             let (state, counters) = (&row.state, row.state.counters);
             assert_eq!((row.elapsed, state.tick.0), (1, before.state.tick.0 + 1));
-            assert_eq!((counters.missed, counters.late, counters.longest_miss_run), (0, 0, 0), "tick {:?}", state.tick);
+            assert_eq!(
+                (counters.missed, counters.late, counters.longest_miss_run),
+                (0, 0, 0),
+                "tick {:?}",
+                state.tick
+            );
         }
     }
 
     /// Position offsets of the ticks in Obtain, nm.
     pub(super) fn obtained(&self) -> Vec<[i32; ARMS]> {
-        let rows = self.rows.iter().filter(|row| row.state.phase == Phase::Obtain);
-        rows.map(|row| row.state.axes.map(|axis| axis.offsets.position.0)).collect()
+        let rows = self
+            .rows
+            .iter()
+            .filter(|row| row.state.phase == Phase::Obtain);
+        rows.map(|row| row.state.axes.map(|axis| axis.offsets.position.0))
+            .collect()
     }
 }
 
 /// Length of the displacement of the tool, m.
-pub(super) fn displacement_m(row: &Row<ARMS>) -> f64 {
-    row.tool.unwrap().displacement_m.iter().map(|component| component * component).sum::<f64>().sqrt()
+pub(super) fn displacement_m(row: &TickRecord<ARMS>) -> f64 {
+    row.tool
+        .unwrap()
+        .displacement_m
+        .iter()
+        .map(|component| component * component)
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// The sample `forcesensor` of a stream.
 pub(super) fn stream(address: SocketAddr) -> SensorSource {
-    SensorSource::Labcomm { address: address.into(), name: DEFAULT_NAME.to_owned() }
+    SensorSource::Labcomm {
+        address: address.into(),
+        name: DEFAULT_NAME.to_owned(),
+    }
 }

@@ -1,4 +1,5 @@
-//! Samples over LabComm around a session in lock-step: readers of any conduct, clients that take their force from a stream, monitors.
+//! Samples over LabComm around a session in lock-step: readers of any conduct, clients that take
+//! their force from a stream, monitors.
 
 mod failure;
 mod lockstep;

@@ -1,4 +1,5 @@
-//! Four monitors beside a minute of lock-step: each shows what the client was told, and the session is the same as without them.
+//! Four monitors beside a minute of lock-step: each shows what the client was sent, and the session
+//! is the same as without them.
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,12 +7,12 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau::monitor::{Axis, Channels, Counters, Monitor, Snapshot};
-use gantry_tau::plant::DriveState;
-use gantry_tau::publication::{Publication, SampleName};
-use gantry_tau::server::cycle::Row;
+use gantry_tau::monitor::{AxisSnapshot, Channels, ServerMonitor, Snapshot};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_labcomm::Version;
+use gantry_tau_server::plant::DriveState;
+use gantry_tau_server::publication::{Publication, SampleName};
+use gantry_tau_server::record::{COUNTERS, TickRecord};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::wait_for;
 
@@ -23,9 +24,14 @@ const MINUTE: usize = 60_000;
 /// Ticks after which each monitor must have come so far.
 const TOGETHER: usize = 500;
 
-/// What the monitors need.
-pub(super) const NAMES: [SampleName; 5] =
-    [SampleName::State, SampleName::Axes, SampleName::Tool, SampleName::SessionEvent, SampleName::Drives];
+/// Input of the monitors.
+pub(super) const NAMES: [SampleName; 5] = [
+    SampleName::State,
+    SampleName::Axes,
+    SampleName::Tool,
+    SampleName::SessionEvent,
+    SampleName::Drives,
+];
 
 /// A monitor in a thread of its own.
 struct Watch {
@@ -40,7 +46,7 @@ impl Watch {
         let (place, asked) = (Arc::clone(&latest), Arc::clone(&quit));
         let (connected, is_connected) = std::sync::mpsc::channel();
         let thread = std::thread::spawn(move || {
-            let mut monitor = Monitor::of(server);
+            let mut monitor = ServerMonitor::of(server);
             monitor.update();
             connected.send(()).unwrap();
             while !asked.load(Ordering::Relaxed) {
@@ -52,16 +58,22 @@ impl Watch {
         });
         // The server's next tick is one that it sees.
         is_connected.recv().unwrap();
-        Self { latest, quit, thread }
+        Self {
+            latest,
+            quit,
+            thread,
+        }
     }
 
     /// Waits until it shows the last of two rows, and compares all that it shows.
-    fn assert_shows(&self, before: &Row<ARMS>, row: &Row<ARMS>) {
+    fn assert_shows(&self, before: &TickRecord<ARMS>, row: &TickRecord<ARMS>) {
         let expected = snapshot(before, row);
         let mut shown = None;
         wait_for("a monitor", || {
             shown.clone_from(&self.latest.lock().unwrap());
-            shown.as_ref().is_some_and(|shown| shown.tick == expected.tick)
+            shown
+                .as_ref()
+                .is_some_and(|shown| shown.tick == expected.tick)
         });
         assert_eq!(shown, Some(expected));
     }
@@ -74,24 +86,13 @@ impl Watch {
 }
 
 /// The row as a monitor shows it.
-fn snapshot(before: &Row<ARMS>, row: &Row<ARMS>) -> Snapshot {
+fn snapshot(before: &TickRecord<ARMS>, row: &TickRecord<ARMS>) -> Snapshot {
     let (state, tool) = (&row.state, row.tool.unwrap());
-    let count = |count: u32| i32::try_from(count).unwrap();
-    let counters = Counters {
-        received: count(state.counters.received),
-        missed: count(state.counters.missed),
-        late: count(state.counters.late),
-        duplicate: count(state.counters.duplicate),
-        stale: count(state.counters.stale),
-        malformed: count(state.counters.malformed),
-        out_of_range: count(state.counters.out_of_range),
-        limited: count(state.counters.limited),
-        clamped: count(state.counters.clamped),
-        strangers: count(state.counters.non_owner),
-    };
+    let [counters @ .., (_, longest_miss_run)] = COUNTERS;
+    let counters = counters.map(|(_, value)| i32::try_from(value(&state.counters)).unwrap());
     let axes = (0..ARMS).map(|number| {
         let axis = &state.axes[number];
-        Axis {
+        AxisSnapshot {
             nominal_nm: axis.nominal.0,
             reference_nm: row.references[number].position.0,
             offset: Channels {
@@ -106,12 +107,18 @@ fn snapshot(before: &Row<ARMS>, row: &Row<ARMS>) -> Snapshot {
                 torque_permille: axis.actual.torque.0,
             },
             lag_nm: Some(before.references[number].position.0 - axis.actual.position.0),
-            flags: ["clamped", "position_limited", "velocity_limited", "torque_limited", "nominal_step"]
-                .into_iter()
-                .enumerate()
-                .filter(|(bit, _)| axis.flags.bits() >> bit & 1 == 1)
-                .map(|(_, name)| name)
-                .collect(),
+            flags: [
+                "clamped",
+                "position_limited",
+                "velocity_limited",
+                "torque_limited",
+                "nominal_step",
+            ]
+            .into_iter()
+            .enumerate()
+            .filter(|(bit, _)| axis.flags.bits() >> bit & 1 == 1)
+            .map(|(_, name)| name)
+            .collect(),
         }
     });
     Snapshot {
@@ -121,13 +128,15 @@ fn snapshot(before: &Row<ARMS>, row: &Row<ARMS>) -> Snapshot {
         cause: state.cause,
         sequence: i64::try_from(state.accepted.0).unwrap(),
         on_time: state.on_time_of_100,
-        ramp_ticks_left: count(state.ramp_ticks_left),
-        counters,
-        longest_miss_run: i16::try_from(state.counters.longest_miss_run).unwrap(),
+        ramp_ticks_left: i32::try_from(state.ramp_ticks_left).unwrap(),
+        counters: counters.into(),
+        longest_miss_run: i16::try_from(longest_miss_run(&state.counters)).unwrap(),
         machine_failed: false,
         rows_lost: false,
         axes: axes.collect(),
-        drives: row.drives.map(|drives| drives.map(DriveState::name).to_vec()),
+        drives: row
+            .drives
+            .map(|drives| drives.map(DriveState::name).to_vec()),
         force: Some(tool.load),
         gauges_m: Some(tool.gauges_m),
         displacement_m: Some(tool.displacement_m),
@@ -145,17 +154,34 @@ fn four_monitors_show_every_number_and_change_none() {
     let monitors = [(); 4].map(|()| Watch::of(address));
     let mut last = None;
     let session = server.session(own, MINUTE, |tick, row| {
-        if let Some(before) = last.replace(*row).filter(|_| tick % TOGETHER == TOGETHER - 1) {
-            monitors.iter().for_each(|monitor| monitor.assert_shows(&before, row));
+        if let Some(before) = last
+            .replace(*row)
+            .filter(|_| tick % TOGETHER == TOGETHER - 1)
+        {
+            monitors
+                .iter()
+                .for_each(|monitor| monitor.assert_shows(&before, row));
         }
     });
     assert!(session.client.is_ok(), "{:?}", session.client);
     session.assert_on_time();
     for monitor in monitors {
         let events = monitor.events();
-        assert!(events.iter().any(|event| event.ends_with("Submit -> Obtain")), "{events:?}");
-        // Nobody was dropped: the first connection is the only one.
-        assert_eq!(events.iter().filter(|event| event.starts_with("connected to")).count(), 1, "{events:?}");
+        assert!(
+            events
+                .iter()
+                .any(|event| event.ends_with("Submit -> Obtain")),
+            "{events:?}"
+        );
+        // None was dropped: the first connection is the only one.
+        assert_eq!(
+            events
+                .iter()
+                .filter(|event| event.starts_with("connected to"))
+                .count(),
+            1,
+            "{events:?}"
+        );
     }
     let mut alone = Lockstep::start(Vec::new());
     let own = alone.own_link();

@@ -5,10 +5,10 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use gantry_tau::server::cycle::Row;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_labcomm::samples::{Axes, Data, ForceSensor, State, Tool};
 use gantry_tau_labcomm::{Decoded, Decoder, Event};
+use gantry_tau_server::record::TickRecord;
 use gantry_tau_tests::wait_for;
 use socket2::{Domain, Socket, Type};
 
@@ -35,8 +35,9 @@ impl Reader {
         Self { stream, bytes }
     }
 
-    /// Waits until the sample of every row is there, the first of which is `rows[0]`, and compares them.
-    pub(super) fn assert_every_sample(&self, rows: &[Row<ARMS>]) {
+    /// Waits until the sample of every row is there, the first of which is `rows[0]`, and compares
+    /// them.
+    pub(super) fn assert_every_sample(&self, rows: &[TickRecord<ARMS>]) {
         let mut seen = Seen::default();
         wait_for("the last sample", || {
             seen = Seen::of(&self.bytes.lock().unwrap());
@@ -46,7 +47,7 @@ impl Reader {
     }
 
     /// Compares what has come with the last rows; at least `least` of them.
-    pub(super) fn assert_last_samples(&self, rows: &[Row<ARMS>], least: usize) {
+    pub(super) fn assert_last_samples(&self, rows: &[TickRecord<ARMS>], least: usize) {
         let mut seen = Seen::default();
         let last = floats(rows.last().unwrap());
         wait_for("the last samples", || {
@@ -74,10 +75,13 @@ struct Seen {
 
 impl Seen {
     fn of(bytes: &[u8]) -> Self {
-        let (mut decoder, mut rest, mut seen) = (Decoder::<8, 4_096>::new(4_096), bytes, Self::default());
+        let (mut decoder, mut rest, mut seen) =
+            (Decoder::<8, 4_096>::new(4_096), bytes, Self::default());
         while let Decoded::Event { event, used } = decoder.decode(rest).unwrap() {
             rest = &rest[used..];
-            let Event::Data { definition, value } = event else { continue };
+            let Event::Data { definition, value } = event else {
+                continue;
+            };
             match definition.name {
                 b"data" => seen.counts.push(value.read::<Data>().unwrap().0),
                 b"forcesensor" => seen.force.push(value.read::<ForceSensor>().unwrap().0),
@@ -96,29 +100,47 @@ impl Seen {
     }
 
     /// Each sample of the stream is there once per row, with the row's numbers.
-    fn assert_is(&self, rows: &[Row<ARMS>]) {
-        let tools = || rows.iter().map(|row| row.tool.unwrap());
+    fn assert_is(&self, rows: &[TickRecord<ARMS>]) {
+        let tools = rows.iter().map(|row| row.tool.unwrap());
         let force: Vec<_> = rows.iter().map(floats).collect();
-        assert!(self.force == force, "{} samples for {} rows", self.force.len(), force.len());
+        assert!(
+            self.force == force,
+            "{} samples for {} rows",
+            self.force.len(),
+            force.len()
+        );
         if !self.counts.is_empty() {
-            assert!(self.counts.iter().copied().eq(tools().map(|tool| tool.gauges_m.map(counts))));
+            assert!(
+                self.counts
+                    .iter()
+                    .copied()
+                    .eq(tools.clone().map(|tool| tool.gauges_m.map(counts)))
+            );
         }
         if !self.states.is_empty() {
             assert_eq!(self.states.len(), rows.len());
             for ((state, axes), row) in self.states.iter().zip(&self.axes).zip(rows) {
                 let tick = i64::try_from(row.state.tick.0).unwrap();
-                assert_eq!((state.tick, axes.tick, state.phase), (tick, tick, row.state.phase.code()));
+                assert_eq!(
+                    (state.tick, axes.tick, state.phase),
+                    (tick, tick, row.state.phase.code())
+                );
                 let references = row.references.map(|reference| reference.position.0);
                 assert_eq!(axes.axis.map(|axis| axis.reference_nm), references);
             }
-            assert!(self.tools.iter().map(|tool| tool.load).eq(tools().map(|tool| tool.load)));
+            assert!(
+                self.tools
+                    .iter()
+                    .map(|tool| tool.load)
+                    .eq(tools.map(|tool| tool.load))
+            );
         }
     }
 }
 
 /// The raw force of a row, as a stream carries it.
 #[expect(clippy::as_conversions, reason = "the nearest float")]
-pub(super) fn floats(row: &Row<ARMS>) -> [f32; 6] {
+pub(super) fn floats(row: &TickRecord<ARMS>) -> [f32; 6] {
     row.tool.unwrap().sensor.map(|component| component as f32)
 }
 
@@ -139,5 +161,7 @@ pub(super) fn narrow(from: [u8; 4], to: SocketAddr) -> TcpStream {
 
 /// Resets a connection.
 pub(super) fn reset(stream: TcpStream) {
-    Socket::from(stream).set_linger(Some(Duration::ZERO)).unwrap();
+    Socket::from(stream)
+        .set_linger(Some(Duration::ZERO))
+        .unwrap();
 }

@@ -1,11 +1,12 @@
-//! The real client with its force from a LabComm stream: compensates as with the own sensor link, and leaves as with it.
+//! The real client with its force from a LabComm stream: compensates as with the own sensor link,
+//! and leaves as with it.
 
 use gantry_tau::demo::ALLOWED_SHARE;
-use gantry_tau::publication::{Publication, SampleName};
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_labcomm::Version;
 use gantry_tau_labcomm::samples::ForceSensor;
+use gantry_tau_server::publication::{Publication, SampleName};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::lockstep::{Lockstep, PULLED, SETTLED, Session, displacement_m, stream};
@@ -17,7 +18,8 @@ const VERSIONS: [Version; 3] = [Version::V2006, Version::V2014, Version::V2014_0
 const TICKS: usize = PULLED + SETTLED;
 /// States that a client answers without its first sample.
 const FIRST_SAMPLE_STATES: usize = 3_000;
-/// Tick in which the stream of a session goes wrong: the offsets have not settled, so that every change of the force would show.
+/// Tick in which the stream of a session goes wrong: the offsets have not settled, so that every
+/// change of the force would show.
 const WRONG: usize = PULLED + 20;
 /// States that the last sample serves, as the client's documentation says.
 const SAMPLE_STATES: usize = 100;
@@ -30,7 +32,12 @@ fn by_own_link() -> Session {
 
 /// Offsets of two sessions differ by no more than the rounding of the force to `float`.
 fn assert_near(ours: &[i32; ARMS], own: &[i32; ARMS]) {
-    assert!(ours.iter().zip(own).all(|(ours, own)| (ours - own).abs() <= 1), "{ours:?} and {own:?}");
+    assert!(
+        ours.iter()
+            .zip(own)
+            .all(|(ours, own)| (ours - own).abs() <= 1),
+        "{ours:?} and {own:?}"
+    );
 }
 
 #[test]
@@ -46,18 +53,28 @@ fn the_stream_of_a_server_compensates_as_its_own_link() {
         session.assert_on_time();
         let (ours, theirs) = (session.obtained(), own.obtained());
         assert_eq!(ours.len(), theirs.len());
-        ours.iter().zip(&theirs).for_each(|(ours, theirs)| assert_near(ours, theirs));
-        let settled = session.rows.iter().rfind(|row| row.state.phase == Phase::Obtain).unwrap();
+        ours.iter()
+            .zip(&theirs)
+            .for_each(|(ours, theirs)| assert_near(ours, theirs));
+        let settled = session
+            .rows
+            .iter()
+            .rfind(|row| row.state.phase == Phase::Obtain)
+            .unwrap();
         let share = displacement_m(settled) / uncompensated_m;
         assert!(share < ALLOWED_SHARE, "{version:?}: {share}");
     }
 }
 
-/// Definitions and samples around those of the force, the force as doubles, and a second index for it.
+/// Definitions and samples around those of the force, the force as doubles, and a second index for
+/// it.
 #[test]
 fn a_stream_with_samples_that_a_client_does_not_know_compensates_as_well() {
     let own = by_own_link().obtained();
-    for (version, is_double) in VERSIONS.into_iter().flat_map(|version| [(version, false), (version, true)]) {
+    for (version, is_double) in VERSIONS
+        .into_iter()
+        .flat_map(|version| [(version, false), (version, true)])
+    {
         let mut server = Lockstep::start(Vec::new());
         let mut program = Program::of(version);
         let (source, first) = (program.source(), program.first());
@@ -70,7 +87,8 @@ fn a_stream_with_samples_that_a_client_does_not_know_compensates_as_well() {
                     encoder.define::<Unknown>(first + 2)
                 });
             }
-            // The force is defined later than the first sample of another kind, and then again, as peers do.
+            // The force is defined later than the first sample of another kind, and then again, as
+            // peers do.
             for (at, index) in [(3, first + 1), (WRONG, first + 3)] {
                 if tick == at {
                     program.send(|encoder| match is_double {
@@ -121,7 +139,11 @@ fn session(version: Version, wrong: Wrong) -> Session {
     let mut server = Lockstep::start(Vec::new());
     let mut program = Program::of(version);
     let (source, index) = (program.source(), program.first());
-    let ticks = if wrong == Wrong::HasAnotherName { FIRST_SAMPLE_STATES + SETTLED } else { TICKS };
+    let ticks = if wrong == Wrong::HasAnotherName {
+        FIRST_SAMPLE_STATES + SETTLED
+    } else {
+        TICKS
+    };
     server.session(source, ticks, |tick, row| {
         let force = ForceSensor(floats(row));
         match (tick, wrong) {
@@ -145,47 +167,70 @@ fn session(version: Version, wrong: Wrong) -> Session {
                 let sample = program.encoded(|encoder| encoder.data(index, &force));
                 program.send_bytes(&sample[..sample.len() - 1]);
             }
-            (WRONG, Wrong::ChangesTheDefinition) => program.send(|encoder| encoder.define::<Counts>(index)),
-            (WRONG, Wrong::DefinesAnotherType) => program.send(|encoder| encoder.define::<Counts>(index + 1)),
+            (WRONG, Wrong::ChangesTheDefinition) => {
+                program.send(|encoder| encoder.define::<Counts>(index))
+            }
+            (WRONG, Wrong::DefinesAnotherType) => {
+                program.send(|encoder| encoder.define::<Counts>(index + 1))
+            }
             (WRONG, Wrong::IsGarbage) => program.send_bytes(&[0; 64]),
             (WRONG.., _) => {}
         }
     })
 }
 
-/// Whatever goes wrong, the client leaves with Goodbye and says why; the server ramps.
+/// When anything goes wrong, the client leaves with Goodbye and says why; the server ramps.
 #[test]
 fn a_stream_that_goes_wrong_ends_the_compensation_and_nothing_else() {
-    let types =
-        "has the type [\"array\",[6],\"int\"]; expected [\"array\",[6],\"float\"] or [\"array\",[6],\"double\"]";
+    let types = "has the type [\"array\",[6],\"int\"]; expected [\"array\",[6],\"float\"] or [\"array\",[6],\"double\"]";
     let cases = [
         (Wrong::Ends, 0, "has closed the connection"),
         (Wrong::Stalls, SAMPLE_STATES, "none has come for too long"),
-        (Wrong::StallsWithinASample, SAMPLE_STATES, "none has come for too long"),
-        (Wrong::ChangesTheDefinition, 0, "is defined again, with another name or type"),
+        (
+            Wrong::StallsWithinASample,
+            SAMPLE_STATES,
+            "none has come for too long",
+        ),
+        (
+            Wrong::ChangesTheDefinition,
+            0,
+            "is defined again, with another name or type",
+        ),
         (Wrong::DefinesAnotherType, 0, types),
         (Wrong::IsGarbage, 0, "starts neither a definition nor data"),
     ];
     for ((wrong, states, reason), version) in cases.into_iter().zip(VERSIONS.into_iter().cycle()) {
         let session = session(version, wrong);
         assert_left(&session, wrong, reason);
-        let left = session.rows.iter().position(|row| row.ended.is_some()).unwrap();
-        // The State of the tick without a sample is the first of those; the Goodbye that answers the last of them ends the next tick.
+        let left = session
+            .rows
+            .iter()
+            .position(|row| row.ended.is_some())
+            .unwrap();
+        // The State of the tick without a sample is the first of those; the Goodbye that answers
+        // the last of them ends the next tick.
         assert_eq!(left, WRONG + 2 + states, "{wrong:?}");
-        assert!(session.obtained().iter().any(|offsets| offsets[1] < -10_000), "{wrong:?}: it compensated until then");
-        // The last correction was held meanwhile: the force of a stream that is silent is not extrapolated.
+        assert!(
+            session
+                .obtained()
+                .iter()
+                .any(|offsets| offsets[1] < -10_000),
+            "{wrong:?}: it compensated until then"
+        );
+        // The last correction was held meanwhile: the force of a stream that is silent is not
+        // extrapolated.
         let before = &session.rows[left - 1].state.axes;
         assert!(
             states == 0
-                || before.map(|axis| axis.offsets) == session.rows[left - 2].state.axes.map(|axis| axis.offsets)
+                || before.map(|axis| axis.offsets)
+                    == session.rows[left - 2].state.axes.map(|axis| axis.offsets)
         );
     }
 }
 
 #[test]
 fn a_stream_of_the_wrong_type_never_obtains() {
-    let types =
-        "has the type [\"array\",[6],\"int\"]; expected [\"array\",[6],\"float\"] or [\"array\",[6],\"double\"]";
+    let types = "has the type [\"array\",[6],\"int\"]; expected [\"array\",[6],\"float\"] or [\"array\",[6],\"double\"]";
     for version in VERSIONS {
         let session = session(version, Wrong::HasTheWrongType);
         assert_left(&session, Wrong::HasTheWrongType, types);
@@ -196,11 +241,16 @@ fn a_stream_of_the_wrong_type_never_obtains() {
 #[test]
 fn a_stream_without_the_sample_never_obtains_and_its_names_are_told() {
     let session = session(Version::V2014, Wrong::HasAnotherName);
-    assert_left(&session, Wrong::HasAnotherName, "does not define a sample \"forcesensor\"; it defines \"places\"");
+    assert_left(
+        &session,
+        Wrong::HasAnotherName,
+        "does not define a sample \"forcesensor\"; it defines \"places\"",
+    );
     assert!(session.obtained().is_empty());
 }
 
-/// The client left in good order and told `reason`; then the offsets ramped to zero, and the server listens.
+/// The client left in good order with `reason`; then the offsets ramped to zero, and the server
+/// listens.
 fn assert_left(session: &Session, wrong: Wrong, reason: &str) {
     let error = session.client.as_ref().unwrap_err();
     assert_eq!(error.exit_code(), 8, "{wrong:?}");
@@ -208,12 +258,14 @@ fn assert_left(session: &Session, wrong: Wrong, reason: &str) {
     session.assert_on_time();
     let ended: Vec<Cause> = session.rows.iter().filter_map(|row| row.ended).collect();
     assert_eq!(ended, [Cause::Goodbye], "{wrong:?}");
-    let offsets = |at: usize| session.rows[at].state.axes.map(|axis| axis.offsets.position.0);
-    for at in 1..session.rows.len() {
-        if session.rows[at].state.phase == Phase::SafeDisconnect {
-            let ramped = offsets(at - 1).map(|nm| nm - nm.signum() * nm.abs().min(100));
-            assert_eq!(offsets(at), ramped, "{wrong:?}");
+    let offsets: Vec<_> = (session.rows.iter())
+        .map(|row| row.state.axes.map(|axis| axis.offsets.position.0))
+        .collect();
+    for (row, pair) in session.rows[1..].iter().zip(offsets.windows(2)) {
+        if row.state.phase == Phase::SafeDisconnect {
+            let ramped = pair[0].map(|nm| nm - nm.signum() * nm.abs().min(100));
+            assert_eq!(pair[1], ramped, "{wrong:?}");
         }
     }
-    assert_eq!(offsets(session.rows.len() - 1), [0; ARMS]);
+    assert_eq!(*offsets.last().unwrap(), [0; ARMS]);
 }

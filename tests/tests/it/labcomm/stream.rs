@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::net::{TcpListener, TcpStream};
 
-use gantry_tau::force_sensor::SensorSource;
+use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_labcomm::{Encoder, ErrorKind, Field, Sample, Text, Version, structure};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
@@ -12,7 +12,7 @@ use super::lockstep::stream;
 structure! {
     /// Force and moment with more digits.
     pub struct Doubles(pub [f64; 6]);
-    /// Six numbers that are no force.
+    /// Six numbers that are not a force.
     pub struct Counts(pub [i32; 6]);
     /// The type of a force under another name.
     pub struct Decoy(pub [f32; 6]);
@@ -43,10 +43,19 @@ impl Sample for Unknown {
 
 /// A sample that no client knows.
 pub(super) fn unknown(tick: usize) -> Unknown {
-    let place = |name: &str| Place { name: Text::cut(name), at: [i64::MIN, -1], is_set: true };
-    // Texts of several lengths, one of them with the number of a definition and the index of a sample.
-    let places = [place(""), place("\u{2}\0\0\0\u{2}@A"), place(&"x".repeat(tick % 41))];
-    Unknown { tick: i64::try_from(tick).unwrap(), places, ..Unknown::ZERO }
+    // Texts of several lengths, one of them with the number of a definition and the index of a
+    // sample.
+    let names = ["", "\u{2}\0\0\0\u{2}@A", &"x".repeat(tick % 41)];
+    let places = names.map(|name| Place {
+        name: Text::cut(name),
+        at: [i64::MIN, -1],
+        is_set: true,
+    });
+    Unknown {
+        tick: i64::try_from(tick).unwrap(),
+        places,
+        ..Unknown::ZERO
+    }
 }
 
 /// The program; at most one client.
@@ -58,7 +67,11 @@ pub(super) struct Program {
 
 impl Program {
     pub(super) fn of(version: Version) -> Self {
-        Self { version, listener: TcpListener::bind(LOOPBACK).unwrap(), client: None }
+        Self {
+            version,
+            listener: TcpListener::bind(LOOPBACK).unwrap(),
+            client: None,
+        }
     }
 
     /// The sample `forcesensor` of this stream.
@@ -73,7 +86,9 @@ impl Program {
 
     /// Sends bytes; the first time after the client has connected.
     pub(super) fn send_bytes(&mut self, bytes: &[u8]) {
-        let client = self.client.get_or_insert_with(|| self.listener.accept().unwrap().0);
+        let client = self
+            .client
+            .get_or_insert_with(|| self.listener.accept().unwrap().0);
         // A client that has left is judged by what it says.
         let _ = client.write_all(bytes);
     }
@@ -84,7 +99,10 @@ impl Program {
     }
 
     /// Encodes.
-    pub(super) fn encoded(&self, write: impl FnOnce(&mut Encoder<'_>) -> Result<(), ErrorKind>) -> Vec<u8> {
+    pub(super) fn encoded(
+        &self,
+        write: impl FnOnce(&mut Encoder<'_>) -> Result<(), ErrorKind>,
+    ) -> Vec<u8> {
         let mut buffer = [0; 4_096];
         let mut encoder = Encoder::new(self.version, &mut buffer);
         write(&mut encoder).unwrap();

@@ -1,19 +1,24 @@
-//! Random traffic, valid and hostile, through `tests/scenario.c` and through core: all results agree, for every kind of server in C.
-//! The C program receives a script of calls; its output is compared line by line, and its black boxes with core's.
+//! Random traffic, valid and hostile, through `tests/scenario.c` and through core: all results
+//! agree, for every kind of server in C. The C program receives a script of calls; its output is
+//! compared line by line, and its black boxes with core's.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
-use gantry_tau::black_box::Window;
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
-use gantry_tau_core::control::session::{BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput};
+use gantry_tau_core::control::session::{
+    BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
+};
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{
+    Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS,
+};
 use gantry_tau_proofs::scenario::ClientAction;
+use gantry_tau_server::black_box::Window;
 use gantry_tau_tests::client::Noise;
 use gantry_tau_tests::server_fixture::parameters;
 use libtest_mimic::Failed;
@@ -40,7 +45,10 @@ struct Recorded<const N: usize> {
 }
 
 fn compare<const N: usize>(program: &Program, recorded: &Recorded<N>) -> Result<(), Failed> {
-    let mut child = Command::new(program.path()).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+    let mut child = Command::new(program.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()?;
     let mut input = child.stdin.take().unwrap();
     let script = recorded.script.clone();
     let writer = std::thread::spawn(move || input.write_all(script.as_bytes()));
@@ -60,7 +68,7 @@ fn compare<const N: usize>(program: &Program, recorded: &Recorded<N>) -> Result<
     }
     assert_eq!(files.len(), recorded.black_boxes.len());
     for (file, here) in files.iter().zip(&recorded.black_boxes) {
-        assert!(Window::decode("the black box", file).unwrap() == *here);
+        assert!(gantry_tau_record::black_box::decode("the black box", file).unwrap() == *here);
     }
     Ok(())
 }
@@ -77,13 +85,30 @@ struct Scenario<const N: usize, const HALF: usize> {
     recorded: Recorded<N>,
 }
 
+/// Bytes with another byte at a place.
+fn with(bytes: &[u8], place: usize, byte: u8) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    bytes[place] = byte;
+    bytes
+}
+
 impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     fn new(seed: u64) -> Self {
-        let budget = Some(MissBudget { window: 100, allowed: 20 });
-        let config = Config::new(Parameters { handshake_ticks: 40, budget, ..parameters() });
+        let budget = Some(MissBudget {
+            window: 100,
+            allowed: 20,
+        });
+        let config = Config::new(Parameters {
+            handshake_ticks: 40,
+            budget,
+            ..parameters()
+        });
         let session = Session::new(config.unwrap(), &Start::at_rest([PositionNm(0); N]));
         let motors = MotorMap::new(std::array::from_fn(|motor| motor % N));
-        let epochs = EpochRange { first: Epoch(1), last: Epoch(4) };
+        let epochs = EpochRange {
+            first: Epoch(1),
+            last: Epoch(4),
+        };
         Self {
             endpoint: Endpoint::new(session.unwrap(), motors.unwrap(), epochs),
             black_box: Box::new(BlackBox::new()),
@@ -116,11 +141,19 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         // A scenario must reach all phases, and most causes.
         let expected = &self.recorded.expected;
         for phase in Phase::ALL {
-            assert!(expected.contains(&format!("\"phase\":\"{}\"", phase.name())), "{phase} was never reached");
+            assert!(
+                expected.contains(&format!("\"phase\":\"{}\"", phase.name())),
+                "{phase} was never reached"
+            );
         }
-        let ended = |cause: &&Cause| **cause != Cause::None && expected.contains(&format!("ended {} ", cause.name()));
-        assert!(Cause::ALL.iter().filter(ended).count() >= 5, "few causes");
-        assert!(expected.contains("write 0\n"), "references were never withheld");
+        let causes = Cause::ALL.iter().filter(|cause| {
+            **cause != Cause::None && expected.contains(&format!("ended {} ", cause.name()))
+        });
+        assert!(causes.count() >= 5, "few causes");
+        assert!(
+            expected.contains("write 0\n"),
+            "references were never withheld"
+        );
         self.recorded
     }
 
@@ -137,10 +170,16 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     fn connections(&mut self) {
         if self.open.is_empty() || self.one_in(20) {
             let datagram = self.one_in(3);
-            let transport = if datagram { Transport::Datagram } else { Transport::Stream };
+            let transport = if datagram {
+                Transport::Datagram
+            } else {
+                Transport::Stream
+            };
             writeln!(self.recorded.script, "o {}", u8::from(datagram)).unwrap();
             let opened = self.endpoint.open(transport);
-            let (code, number) = opened.map_or(("GT_CODE_FULL", 0), |connection| ("GT_CODE_OK", connection.0));
+            let (code, number) = opened.map_or(("GT_CODE_FULL", 0), |connection| {
+                ("GT_CODE_OK", connection.0)
+            });
             self.open.extend(opened);
             writeln!(self.recorded.expected, "open {code} {number}").unwrap();
         }
@@ -156,7 +195,11 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     /// Sends the bytes of a connection in this tick: mostly valid ones.
     fn speak(&mut self, connection: Connection) {
         let owns = self.endpoint.session().owner() == Some(connection);
-        let speaks = if owns { !self.one_in(25) } else { self.one_in(6) };
+        let speaks = if owns {
+            !self.one_in(25)
+        } else {
+            self.one_in(6)
+        };
         if self.silent > 0 || !speaks {
             return;
         }
@@ -177,21 +220,34 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
 
     fn feed(&mut self, connection: Connection, bytes: &[u8]) {
         let fed = self.endpoint.feed(connection, bytes);
-        let text = if bytes.is_empty() { "-".to_owned() } else { hex(bytes) };
+        let text = if bytes.is_empty() {
+            "-".to_owned()
+        } else {
+            hex(bytes)
+        };
         writeln!(self.recorded.script, "f {} {text}", connection.0).unwrap();
         writeln!(self.recorded.expected, "fed {fed}").unwrap();
     }
 
     fn hello(&mut self) -> Vec<u8> {
         let axes = u8::from(self.one_in(10));
-        self.encoded(&ClientAction::Hello { axes, capabilities: 0 }, [Offsets::ZERO; N])
+        self.encoded(
+            &ClientAction::Hello {
+                axes,
+                capabilities: 0,
+            },
+            [Offsets::ZERO; N],
+        )
     }
 
     /// The right answer to the last State, or nearly.
     fn command(&mut self) -> Vec<u8> {
         let late = i8::from(self.one_in(30));
         let beyond = if self.one_in(40) { 1_000 } else { 1 };
-        let accepted = self.endpoint.output().map_or(0, |output| output.state.accepted.0);
+        let accepted = self
+            .endpoint
+            .output()
+            .map_or(0, |output| output.state.accepted.0);
         let obtain = accepted >= 3 && !self.one_in(60);
         let targets = std::array::from_fn(|_| Offsets {
             position: OffsetNm(self.within(3_000) * beyond),
@@ -200,13 +256,24 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         });
         let ahead = i32::from(1 - late);
         self.encoded(
-            &ClientAction::Command { epoch: 0, ahead, behind: late, obtain, targets: Default::default() },
+            &ClientAction::Command {
+                epoch: 0,
+                ahead,
+                behind: late,
+                obtain,
+                targets: Default::default(),
+            },
             targets,
         )
     }
 
     fn encoded(&self, action: &ClientAction, targets: [Offsets; N]) -> Vec<u8> {
-        encode_client(&action.message(self.endpoint.session(), |_| targets).unwrap()).to_vec()
+        encode_client(
+            &action
+                .message(self.endpoint.session(), |_| targets)
+                .unwrap(),
+        )
+        .to_vec()
     }
 
     /// Returns other bytes instead.
@@ -214,11 +281,6 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         let epoch = self.endpoint.session().epoch();
         let index = self.noise.below(right.len());
         let byte = u8::try_from(self.noise.below(256)).unwrap();
-        let with = |place: usize, byte: u8| {
-            let mut bytes = right.to_vec();
-            bytes[place] = byte;
-            bytes
-        };
         match self.noise.below(8) {
             0 => encode_client(&ClientMessage::<N>::Goodbye(epoch)).to_vec(),
             1 => encode_client(&ClientMessage::<N>::Stop(epoch)).to_vec(),
@@ -227,8 +289,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             4 => right[..index].to_vec(),
             5 => vec![byte; index],
             // Another version, which is answered.
-            6 => with(2, 9),
-            _ => with(index, byte),
+            6 => with(right, 2, 9),
+            _ => with(right, index, byte),
         }
     }
 
@@ -260,7 +322,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         };
         self.recorded.script_tick(&input);
         let references = self.endpoint.tick_recorded(&input, &mut *self.black_box);
-        self.recorded.expect_output(references.as_ref(), self.endpoint.output().unwrap());
+        self.recorded
+            .expect_output(references.as_ref(), self.endpoint.output().unwrap());
         let expected = &mut self.recorded.expected;
         while let Some((to, frame)) = self.endpoint.poll_transmit() {
             writeln!(expected, "frame {} {}", to.0, hex(frame)).unwrap();
@@ -273,8 +336,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         expected.push_str("GT_CODE_DONE\n");
     }
 
-    /// Returns the fate of the last references: now and then refused, with values in force that may be beyond their limits, or
-    /// unknown; after that the values are soon read back.
+    /// Returns the fate of the last references: now and then refused, with values in force that may
+    /// be beyond their limits, or unknown; after that the values are soon read back.
     fn last_write(&mut self) -> LastWrite<N> {
         let withheld = self.endpoint.output().is_some_and(|output| output.withheld);
         if !self.one_in(if withheld { 3 } else { 700 }) {
@@ -287,18 +350,28 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         };
         // The ramp takes a tick per 100 nm: a short one, so that a session can follow.
         let position = OffsetNm(self.within(3_000) + beyond);
-        let offsets = Offsets { position, velocity: VelocityUmS(17), torque: TorquePermille(-2) };
-        let in_force = self.nominal.map(|nominal| InForce { nominal: PositionNm(nominal), offsets });
+        let offsets = Offsets {
+            position,
+            velocity: VelocityUmS(17),
+            torque: TorquePermille(-2),
+        };
+        let in_force = self.nominal.map(|nominal| InForce {
+            nominal: PositionNm(nominal),
+            offsets,
+        });
         LastWrite::Refused { in_force }
     }
 
     /// Gives a further range of epochs; now and then one that is used up already, or empty.
     fn epochs(&mut self) {
         let used = self.endpoint.session().epoch().0;
-        let mut below = |end| u64::try_from(self.noise.below(end)).unwrap();
-        let first = used + below(3);
-        let last = (first + below(5)).saturating_sub(1);
-        self.endpoint.set_epochs(EpochRange { first: Epoch(first), last: Epoch(last) });
+        let [ahead, count] = [3, 5].map(|end| u64::try_from(self.noise.below(end)).unwrap());
+        let first = used + ahead;
+        let last = (first + count).saturating_sub(1);
+        self.endpoint.set_epochs(EpochRange {
+            first: Epoch(first),
+            last: Epoch(last),
+        });
         writeln!(self.recorded.script, "e {first} {last}").unwrap();
     }
 
@@ -321,18 +394,47 @@ impl<const N: usize> Recorded<N> {
             LastWrite::Refused { in_force } => (2, Some(in_force)),
             LastWrite::Unknown => (3, None),
         };
-        let switch = |pressed| if pressed { 2 } else { 1 };
-        let (stop, rearm) = (switch(input.stop), switch(input.rearm));
+        let [stop, rearm] = [input.stop, input.rearm].map(|pressed| if pressed { 2 } else { 1 });
         let read = if input.reading.is_some() { 1 } else { 2 };
-        let (elapsed, quit, arrival_us) = (input.elapsed_cycles, u8::from(input.quit), input.arrival_us);
+        let (elapsed, quit, arrival_us) =
+            (input.elapsed_cycles, u8::from(input.quit), input.arrival_us);
         let first = format!("t {elapsed} {read} {stop} {quit} {rearm} {last_write} {arrival_us}");
         self.script.push_str(&first);
-        let reading = input.reading.unwrap_or(Reading::unmeasured([PositionNm(-1); N]));
-        for (nominal, Actual { position, velocity, torque }) in reading.nominal.iter().zip(&reading.actual) {
-            write!(self.script, " {} {} {} {}", nominal.0, position.0, velocity.0, torque.0).unwrap();
+        let reading = input
+            .reading
+            .unwrap_or(Reading::unmeasured([PositionNm(-1); N]));
+        for (
+            nominal,
+            Actual {
+                position,
+                velocity,
+                torque,
+            },
+        ) in reading.nominal.iter().zip(&reading.actual)
+        {
+            write!(
+                self.script,
+                " {} {} {} {}",
+                nominal.0, position.0, velocity.0, torque.0
+            )
+            .unwrap();
         }
-        for InForce { nominal, offsets: Offsets { position, velocity, torque } } in in_force.into_iter().flatten() {
-            write!(self.script, " {} {} {} {}", nominal.0, position.0, velocity.0, torque.0).unwrap();
+        for InForce {
+            nominal,
+            offsets:
+                Offsets {
+                    position,
+                    velocity,
+                    torque,
+                },
+        } in in_force.into_iter().flatten()
+        {
+            write!(
+                self.script,
+                " {} {} {} {}",
+                nominal.0, position.0, velocity.0, torque.0
+            )
+            .unwrap();
         }
         self.script.push('\n');
     }

@@ -1,15 +1,16 @@
-//! `examples/session.c` and core, fed the same bytes: every reference and every frame agree, and so does the black box.
+//! `examples/session.c` and core, fed the same bytes: every reference and every frame agree, and so
+//! does the black box.
 
 use std::fmt::Write as _;
 use std::process::Command;
 
-use gantry_tau::black_box::Window;
 use gantry_tau::replay::Findings;
 use gantry_tau_core::control::axis::Actual;
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::control::session::{BlackBox, Reading, Session, Start, TickInput};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm};
+use gantry_tau_server::black_box::Window;
 use gantry_tau_tests::server_fixture::{limits, on_time};
 use libtest_mimic::Failed;
 
@@ -28,7 +29,8 @@ pub(crate) fn agrees(compiler: &str, flags: &[&str]) -> Result<(), Failed> {
     Ok(())
 }
 
-/// A server with a black box has half a megabyte; it is built in place, without a copy on the stack.
+/// A server with a black box has half a megabyte; it is built in place, without a copy on the
+/// stack.
 pub(crate) fn on_a_small_stack() -> Result<(), Failed> {
     let program = Program::compile("examples/session.c", "gcc", &["-O2"])?;
     let mut command = Command::new("sh");
@@ -40,7 +42,10 @@ pub(crate) fn on_a_small_stack() -> Result<(), Failed> {
 
 /// Compares the trace and the black box of the program with core's.
 pub(crate) fn compare(trace: &str, black_box: &[u8]) {
-    let inputs: Vec<&str> = trace.lines().filter_map(|line| line.strip_prefix("in ")).collect();
+    let inputs: Vec<&str> = trace
+        .lines()
+        .filter_map(|line| line.strip_prefix("in "))
+        .collect();
     assert_eq!(inputs.len(), TICKS);
     let mut endpoint = core();
     let client = endpoint.open(Transport::Stream).unwrap();
@@ -57,7 +62,7 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
         while endpoint.poll_close().is_some() {}
     }
     assert_lines(trace, &here);
-    let read = Window::<AXES>::decode("the black box", black_box).unwrap();
+    let read = gantry_tau_record::black_box::decode::<AXES>("the black box", black_box).unwrap();
     assert!(Some(&read) == Window::of(&recorder).as_ref());
     let findings = Findings::of(&read);
     assert_eq!(findings.difference, None);
@@ -71,13 +76,26 @@ fn core() -> Endpoint<AXES, MOTORS> {
     let axis = AxisConfig::position_only(limits(2_000_000, 5_000, 10_000, 100), travel, 2_000_000);
     let config = Config::new(Parameters::thesis([axis; AXES])).unwrap();
     let session = Session::new(config, &Start::at_rest([PositionNm(0); AXES]));
-    let epochs = EpochRange { first: Epoch(1), last: Epoch(1) };
-    Endpoint::new(session.unwrap(), MotorMap::new([0, 0, 1, 2]).unwrap(), epochs)
+    let epochs = EpochRange {
+        first: Epoch(1),
+        last: Epoch(1),
+    };
+    Endpoint::new(
+        session.unwrap(),
+        MotorMap::new([0, 0, 1, 2]).unwrap(),
+        epochs,
+    )
 }
 
 /// The program's input of a tick.
 fn input(tick: i64) -> TickInput<AXES> {
     let nominal = [1, 2, 3].map(|axis| PositionNm(tick * 1_000 * axis));
-    let actual = nominal.map(|nominal| Actual { position: PositionNm(nominal.0 - 50), ..Actual::ZERO });
-    TickInput { reading: Some(Reading { nominal, actual }), ..on_time(nominal) }
+    let actual = nominal.map(|nominal| Actual {
+        position: PositionNm(nominal.0 - 50),
+        ..Actual::ZERO
+    });
+    TickInput {
+        reading: Some(Reading { nominal, actual }),
+        ..on_time(nominal)
+    }
 }

@@ -1,4 +1,5 @@
-//! The examples on the target: built for a Cortex-M7, run in QEMU, and compared to the bit with core on this machine.
+//! The examples on the target: built for a Cortex-M7, run in QEMU, and compared to the bit with
+//! core on this machine.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,7 +11,12 @@ use super::tools::{folder, run, target};
 use super::{STRICT, compensation, session, trial};
 
 const COMPILER: &str = "arm-none-eabi-gcc";
-const PROCESSOR: [&str; 4] = ["-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16"];
+const PROCESSOR: [&str; 4] = [
+    "-mcpu=cortex-m7",
+    "-mthumb",
+    "-mfloat-abi=hard",
+    "-mfpu=fpv5-d16",
+];
 
 pub(crate) fn trials() -> Vec<Trial> {
     let mut needed = vec!["bash", "timeout", "qemu-system-arm", COMPILER];
@@ -49,7 +55,9 @@ fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {
         let mut build = build_script();
-        build.args(["m7", "--manifest-path"]).arg(folder().join("Cargo.toml"));
+        build
+            .args(["m7", "--manifest-path"])
+            .arg(folder().join("Cargo.toml"));
         // Beside the firmware and at its level, so that most dependencies are the same.
         let built = run(build.args(["--config", "profile.release.opt-level=2"]));
         let said = built.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
@@ -63,9 +71,20 @@ fn compile(name: &str) -> Result<PathBuf, Failed> {
     let image = target().join(format!("{name}-m7.elf"));
     let mut command = Command::new(COMPILER);
     command.current_dir(folder()).args(STRICT).args(PROCESSOR);
-    command.args(["-O2", "--specs=rdimon.specs", "-Iinclude", "-T", "examples/target/mps2-an500.ld"]);
-    command.arg(format!("examples/{name}.c")).arg("examples/target/start.c").arg(library());
-    run(command.args(["-lm", "-Wl,--gc-sections,-z,noexecstack", "-o"]).arg(&image))?;
+    command.args([
+        "-O2",
+        "--specs=rdimon.specs",
+        "-Iinclude",
+        "-T",
+        "examples/target/mps2-an500.ld",
+    ]);
+    command
+        .arg(format!("examples/{name}.c"))
+        .arg("examples/target/start.c")
+        .arg(library());
+    run(command
+        .args(["-lm", "-Wl,--gc-sections,-z,noexecstack", "-o"])
+        .arg(&image))?;
     Ok(image)
 }
 
@@ -76,14 +95,32 @@ fn emulate(image: &Path, arguments: &[&Path]) -> Result<String, Failed> {
         options += &format!(",arg={}", argument.display());
     }
     let mut command = Command::new("timeout");
-    command.args(["300", "qemu-system-arm", "-M", "mps2-an500", "-display", "none", "-serial", "null"]);
-    command.args(["-monitor", "none", "-semihosting-config", &options, "-kernel"]);
+    command.args([
+        "300",
+        "qemu-system-arm",
+        "-M",
+        "mps2-an500",
+        "-display",
+        "none",
+        "-serial",
+        "null",
+    ]);
+    command.args([
+        "-monitor",
+        "none",
+        "-semihosting-config",
+        &options,
+        "-kernel",
+    ]);
     run(command.arg(image))
 }
 
 fn session_agrees() -> Result<(), Failed> {
     let image = compile("session")?;
-    let (trace, black_box) = (target().join("session-m7.trace"), target().join("session-m7.gtbb"));
+    let (trace, black_box) = (
+        target().join("session-m7.trace"),
+        target().join("session-m7.gtbb"),
+    );
     let said = emulate(&image, &[&trace, &black_box])?;
     assert!(said.contains("all bounds held over 700 ticks"), "{said}");
     session::compare(&std::fs::read_to_string(trace)?, &std::fs::read(black_box)?);

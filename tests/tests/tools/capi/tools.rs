@@ -1,8 +1,9 @@
 //! The library, compilers, and their programs.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use gantry_tau_core::control::axis::Reference;
 use libtest_mimic::Failed;
@@ -20,8 +21,8 @@ pub(crate) fn has(tool: &str) -> bool {
 /// True if a compiler takes these flags: its sanitizers are a package of their own.
 pub(crate) fn takes(compiler: &str, flags: &[&str]) -> bool {
     let empty = target().join("empty.c");
-    let written =
-        std::fs::create_dir_all(target()).and_then(|()| std::fs::write(&empty, "int main(void) { return 0; }\n"));
+    let written = std::fs::create_dir_all(target())
+        .and_then(|()| std::fs::write(&empty, "int main(void) { return 0; }\n"));
     let mut command = Command::new(compiler);
     command.args(flags).arg(&empty).args(["-o", "/dev/null"]);
     written.is_ok() && run(&mut command).is_ok()
@@ -32,20 +33,23 @@ pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/capi")
 }
 
-/// Folder of everything that is built: that of the panic probe, which has the same dependencies and profile.
+/// Folder of everything that is built: that of the panic probe, which has the same dependencies and
+/// profile.
 pub(crate) fn target() -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join("linked")
 }
 
 /// Runs a command and returns its output.
 pub(crate) fn run(command: &mut Command) -> Result<String, Failed> {
-    let output = command.output().map_err(|error| format!("{command:?}: {error}"))?;
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let output = command
+        .output()
+        .map_err(|error| format!("{command:?}: {error}"))?;
+    let [said, complained] =
+        [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     if output.status.success() {
-        Ok(text(&output.stdout))
+        Ok(said)
     } else {
-        let said = text(&output.stdout) + &text(&output.stderr);
-        Err(format!("{command:?}: {}\n{said}", output.status).into())
+        Err(format!("{command:?}: {}\n{said}{complained}", output.status).into())
     }
 }
 
@@ -72,17 +76,29 @@ pub(crate) fn library_of(profile: &str) -> PathBuf {
 /// A C program linked with the library.
 pub(crate) struct Program(PathBuf);
 
+/// Programs that are compiled. Several trials run the same one: compiled again, it would be written
+/// to while another trial runs it.
+static COMPILED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
 impl Program {
-    /// Compiles a source of `host/capi`.
+    /// Compiles a source of `host/capi`, once.
     pub(crate) fn compile(source: &str, compiler: &str, flags: &[&str]) -> Result<Self, Failed> {
         let name = Path::new(source).file_stem().unwrap().to_string_lossy();
         let how = flags.concat().replace(['=', ',', '/'], "-");
         let path = target().join(format!("{name}-{compiler}{how}"));
         let mut command = Command::new(compiler);
-        command.current_dir(folder()).args(super::STRICT).args(flags);
+        command
+            .current_dir(folder())
+            .args(super::STRICT)
+            .args(flags);
         command.args(["-Iinclude", source]).arg(library());
         // Without functions that are not called, as in firmware.
-        run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&path))?;
+        command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&path);
+        let mut compiled = COMPILED.lock().unwrap_or_else(PoisonError::into_inner);
+        if !compiled.contains(&path) {
+            run(&mut command)?;
+            compiled.insert(path.clone());
+        }
         Ok(Self(path))
     }
 
@@ -111,8 +127,15 @@ pub(crate) fn assert_lines(there: &str, here: &str) {
 
 /// References of a motor, as the C programs print them.
 pub(crate) fn motor_line(reference: &Reference) -> String {
-    let Reference { position, velocity_offset, torque_offset } = reference;
-    format!("motor {} {} {}\n", position.0, velocity_offset.0, torque_offset.0)
+    let Reference {
+        position,
+        velocity_offset,
+        torque_offset,
+    } = reference;
+    format!(
+        "motor {} {} {}\n",
+        position.0, velocity_offset.0, torque_offset.0
+    )
 }
 
 pub(crate) fn hex(bytes: &[u8]) -> String {
@@ -121,6 +144,7 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
 
 pub(crate) fn from_hex(digits: &str) -> Vec<u8> {
     let pairs = digits.as_bytes().chunks(2);
-    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
-    pairs.map(byte).collect()
+    pairs
+        .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+        .collect()
 }

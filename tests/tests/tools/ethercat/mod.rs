@@ -1,7 +1,9 @@
-//! EtherCAT over raw sockets: the server and SOEM, another MainDevice, on a veth pair with the emulated chain at its other end.
+//! EtherCAT over raw sockets: the server and SOEM, another MainDevice, on a veth pair with the
+//! emulated chain at its other end.
 //!
-//! Each trial runs in a network namespace of its own, in a process of its own. Without that privilege, or without `ip`, trials are reported
-//! as ignored, with what is missing; SOEM's needs `pysoem` of PyPI, which `.ci/run` installs in `target/pysoem`. With
+//! Each trial runs in a network namespace of its own, in a process of its own. Without that
+//! privilege, or without `ip`, trials are reported as ignored, with what is missing; SOEM's needs
+//! `pysoem` of PyPI, which `.ci/run` installs in `target/pysoem`. With
 //! `GANTRY_TAU_REQUIRE_ETHERCAT=1` they fail instead.
 #![allow(
     clippy::arithmetic_side_effects,
@@ -21,15 +23,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use gantry_tau::ethercat::{EmulatedBus, EthercatPlant, Machine, emulated_bus};
-use gantry_tau::plant::{Plant, PlantError, ToolReading};
-use gantry_tau::robot_file::{Ethercat, RobotFile};
-use gantry_tau::sim::load_generator::load_generator;
-use gantry_tau::sim::parameters::Motion;
+use gantry_tau::ethercat::{EmulatedBus, EthercatPlant, MachineWire, emulated_bus};
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_ethercat::emulation::{EmulatedWire, Process};
 use gantry_tau_ethercat::{RawSocket, Wire, WireError, check_link};
+use gantry_tau_machine::robot_file::{Ethercat, RobotFile};
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::plant::{Plant, PlantError, ToolReading};
+use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_tests::short_demo;
 use libtest_mimic::{Failed, Trial};
 use serde_json::{Value, json};
@@ -42,30 +44,51 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
-    let network = (!succeeds(Command::new("ip").arg("-V"))).then_some("ip missing").or_else(|| {
-        (!succeeds(Command::new("unshare").args(["-n", "true"]))).then_some("network namespaces not permitted")
-    });
+    let network = (!succeeds(Command::new("ip").arg("-V")))
+        .then_some("ip missing")
+        .or_else(|| {
+            (!succeeds(Command::new("unshare").args(["-n", "true"])))
+                .then_some("network namespaces not permitted")
+        });
     let python = python();
     let soem = network.or_else(|| python.is_none().then_some("pysoem of PyPI missing"));
     vec![
-        trial("ethercat::the_demo_compensates_over_a_veth_pair", network, demo_over_veth),
-        trial("ethercat::a_link_that_is_not_up_is_named", network, link_is_named),
+        trial(
+            "ethercat::the_demo_compensates_over_a_veth_pair",
+            network,
+            demo_over_veth,
+        ),
+        trial(
+            "ethercat::a_link_that_is_not_up_is_named",
+            network,
+            link_is_named,
+        ),
         trial(
             "ethercat::a_second_server_of_a_bus_is_refused_before_its_first_frame",
             network,
             ownership::second_server,
         ),
-        trial("ethercat::soem_takes_the_emulated_chain_to_op", soem, move || soem_agrees(python.as_deref().unwrap())),
+        trial(
+            "ethercat::soem_takes_the_emulated_chain_to_op",
+            soem,
+            move || soem_agrees(python.as_deref().unwrap()),
+        ),
     ]
 }
 
 /// A trial that runs in a namespace of its own, unless something is missing.
-fn trial(name: &'static str, missing: Option<&'static str>, body: impl FnOnce() + Send + 'static) -> Trial {
+fn trial(
+    name: &'static str,
+    missing: Option<&'static str>,
+    body: impl FnOnce() + Send + 'static,
+) -> Trial {
     if let Some(missing) = missing {
         if std::env::var_os("GANTRY_TAU_REQUIRE_ETHERCAT").is_some_and(|value| value == "1") {
             return Trial::test(name, move || Err(missing.into())).with_kind(missing);
         }
-        return Trial::test(name, || Ok(())).with_kind(missing).with_ignored_flag(true);
+        return Trial::test(name, || Ok(()))
+            .with_kind(missing)
+            .with_ignored_flag(true);
     }
     Trial::test(name, move || {
         if std::env::var_os(IN_NAMESPACE).is_some() {
@@ -73,18 +96,27 @@ fn trial(name: &'static str, missing: Option<&'static str>, body: impl FnOnce() 
             return Ok(());
         }
         let mut child = Command::new("unshare");
-        child.arg("-n").arg(std::env::current_exe()?).args(["--exact", name]).env(IN_NAMESPACE, "1");
+        child
+            .arg("-n")
+            .arg(std::env::current_exe()?)
+            .args(["--exact", name])
+            .env(IN_NAMESPACE, "1");
         let output = child.output()?;
         if output.status.success() {
             return Ok(());
         }
-        let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+        let said = [output.stdout, output.stderr]
+            .map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
         Err(Failed::from(said.concat()))
     })
 }
 
 fn succeeds(command: &mut Command) -> bool {
-    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+    command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
 }
 
 /// A Python that has SOEM.
@@ -95,10 +127,16 @@ fn python() -> Option<PathBuf> {
         .find(|python| succeeds(Command::new(python).args(["-c", "import pysoem"])))
 }
 
+fn ip(arguments: &[&str]) {
+    let status = Command::new("ip").args(arguments).status();
+    assert!(status.unwrap().success());
+}
+
 /// Creates the cable.
 fn connect() {
-    let ip = |arguments: &[&str]| assert!(Command::new("ip").args(arguments).status().unwrap().success());
-    ip(&["link", "add", ENDS[0], "type", "veth", "peer", "name", ENDS[1]]);
+    ip(&[
+        "link", "add", ENDS[0], "type", "veth", "peer", "name", ENDS[1],
+    ]);
     // Loopback is down in a new namespace.
     for end in ENDS.into_iter().chain(["lo"]) {
         ip(&["link", "set", end, "up"]);
@@ -106,11 +144,16 @@ fn connect() {
     ENDS.into_iter().for_each(|end| await_carrier(end, true));
 }
 
-/// Waits until the kernel says that an end has a carrier, or none, as it does some time after a change.
+/// Waits until the kernel says that an end has a carrier, or none, as it does some time after a
+/// change.
 fn await_carrier(end: &str, is_there: bool) {
     let began = Instant::now();
     while check_link(end).is_ok() != is_there {
-        assert!(began.elapsed() < PATIENCE, "carrier of {end}: {:?}", check_link(end));
+        assert!(
+            began.elapsed() < PATIENCE,
+            "carrier of {end}: {:?}",
+            check_link(end)
+        );
         std::thread::sleep(Duration::from_millis(10));
     }
 }
@@ -122,8 +165,8 @@ struct FarEnd {
 }
 
 impl FarEnd {
-    /// Answers until dropped. With a `slowness`, the chain's time is that of the system divided by it; without one nothing but frames and
-    /// ticks moves it.
+    /// Answers until dropped. With a `slowness`, the chain's time is that of the system divided by
+    /// it; without one nothing but frames and ticks moves it.
     fn start<P: Process + 'static>(wire: EmulatedWire<P>, slowness: Option<u32>) -> Self {
         let ends = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&ends);
@@ -134,7 +177,9 @@ impl FarEnd {
             while !told.load(Ordering::Relaxed) {
                 if let Some(slowness) = slowness {
                     let passed = start.elapsed() / slowness;
-                    wire.bench().chain.advance_to(u64::try_from(passed.as_micros()).unwrap());
+                    wire.bench()
+                        .chain
+                        .advance_to(u64::try_from(passed.as_micros()).unwrap());
                 }
                 if let Some(length) = socket.receive(&mut frame) {
                     let passed = wire.bench().chain.pass(&mut frame[..length]);
@@ -145,7 +190,10 @@ impl FarEnd {
                 }
             }
         });
-        Self { ends, thread: Some(thread) }
+        Self {
+            ends,
+            thread: Some(thread),
+        }
     }
 }
 
@@ -158,8 +206,9 @@ impl Drop for FarEnd {
     }
 }
 
-/// The near end: frames through the socket, cycles by the server's ticks. Its clock is slow, so that an answer within half a cycle is one
-/// within 50 ms: nothing here depends on how busy the computer is.
+/// The near end: frames through the socket, cycles by the server's ticks. Its clock is slow, so
+/// that an answer within half a cycle is one within 50 ms: nothing here depends on how busy the
+/// computer is.
 struct NearEnd<const N: usize, const M: usize> {
     socket: RawSocket,
     bus: EmulatedBus<N, M>,
@@ -191,7 +240,7 @@ impl<const N: usize, const M: usize> Wire for NearEnd<N, M> {
     }
 }
 
-impl<const N: usize, const M: usize> Machine<N> for NearEnd<N, M> {
+impl<const N: usize, const M: usize> MachineWire<N> for NearEnd<N, M> {
     fn note(&mut self, parts: &[InForce; N]) {
         self.bus.note(parts);
     }
@@ -207,29 +256,49 @@ impl<const N: usize, const M: usize> Machine<N> for NearEnd<N, M> {
 
 fn demo_over_veth() {
     connect();
-    let complaints = short_demo::complaints(RobotFile::builtin_l2().unwrap(), |robot, tool| {
-        let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
-        let bus = emulated_bus::<_, 3, 3>(robot, &section, tool)?;
-        let far = FarEnd::start(bus.clone(), None);
-        let near = NearEnd { socket: RawSocket::open(ENDS[0]).unwrap(), bus, _far: far };
-        EthercatPlant::<_, 3, 3>::open(robot, &section, near, |_| Motion::Hold)
-    });
+    let robot = RobotFile::builtin_l2().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let complaints = short_demo::complaints(
+        folder.path(),
+        robot,
+        |robot, tool| {
+            let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
+            let bus = emulated_bus::<_, 3, 3>(robot, &section, tool)?;
+            let far = FarEnd::start(bus.clone(), None);
+            let near = NearEnd {
+                socket: RawSocket::open(ENDS[0]).unwrap(),
+                bus,
+                _far: far,
+            };
+            EthercatPlant::<_, 3, 3>::open(robot, &section, near, |_| Motion::Hold)
+        },
+        |cycle, _| Ok(cycle),
+    );
     assert_eq!(complaints, Vec::<String>::new());
 }
 
-/// Down, without a carrier, gone: each has its sentence, before a frame is sent and while a bus runs.
+/// Reason why the socket is not opened.
+fn refusal() -> String {
+    RawSocket::open(ENDS[0]).map(drop).unwrap_err().to_string()
+}
+
+/// Down, without a carrier, gone: each has its sentence, before a frame is sent and while a bus
+/// runs.
 fn link_is_named() {
     connect();
-    let ip = |arguments: &[&str]| assert!(Command::new("ip").args(arguments).status().unwrap().success());
-    let refused = || RawSocket::open(ENDS[0]).map(drop).unwrap_err().to_string();
     assert_eq!(check_link(ENDS[0]), Ok(()));
     let robot = RobotFile::builtin_l2().unwrap();
     let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
     let (_hand, tool) = load_generator();
     let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
     let far = FarEnd::start(bus.clone(), None);
-    let near = NearEnd { socket: RawSocket::open(ENDS[0]).unwrap(), bus, _far: far };
-    let mut plant = EthercatPlant::<_, 3, 3>::open(&robot, &section, near, |_| Motion::Hold).unwrap();
+    let near = NearEnd {
+        socket: RawSocket::open(ENDS[0]).unwrap(),
+        bus,
+        _far: far,
+    };
+    let mut plant =
+        EthercatPlant::<_, 3, 3>::open(&robot, &section, near, |_| Motion::Hold).unwrap();
     let mut faults = plant.fault_log().of_interface(ENDS[0]);
     plant.start().unwrap();
     let in_force = plant.in_force().unwrap();
@@ -241,21 +310,29 @@ fn link_is_named() {
     // The cable is pulled out at its far end.
     ip(&["link", "set", ENDS[1], "down"]);
     await_carrier(ENDS[0], false);
-    let no_carrier =
-        "the network interface ec0 has no carrier: its cable is out, or the drive at the other end has no power";
+    let no_carrier = "the network interface ec0 has no carrier: its cable is out, or the drive at the other end has no power";
     // On a busy machine the far end may have been late before.
     faults.see(Phase::Fault);
     faults.see(Phase::Obtain);
     plant.read(1).ok();
     assert!(plant.write(&references, &in_force).is_err());
     let lines = faults.see(Phase::Obtain);
-    assert!(lines.iter().any(|line| line.ends_with(no_carrier)), "{lines:?}");
-    assert_eq!(refused(), no_carrier);
+    assert!(
+        lines.iter().any(|line| line.ends_with(no_carrier)),
+        "{lines:?}"
+    );
+    assert_eq!(refusal(), no_carrier);
     ip(&["link", "set", ENDS[0], "down"]);
-    assert_eq!(refused(), "the network interface ec0 is down; `ip link set ec0 up`");
+    assert_eq!(
+        refusal(),
+        "the network interface ec0 is down; `ip link set ec0 up`"
+    );
     drop(plant);
     ip(&["link", "delete", ENDS[0]]);
-    assert_eq!(refused(), "there is no network interface ec0; `ip link` lists them");
+    assert_eq!(
+        refusal(),
+        "there is no network interface ec0; `ip link` lists them"
+    );
 }
 
 fn soem_agrees(python: &Path) {
@@ -266,23 +343,60 @@ fn soem_agrees(python: &Path) {
     let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
     let far = FarEnd::start(bus.clone(), Some(10));
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/ethercat/judge.py");
-    let judge = Command::new("timeout").arg("60").arg(python).arg("-B").arg(script).arg(ENDS[0]).output().unwrap();
+    let judge = Command::new("timeout")
+        .arg("60")
+        .arg(python)
+        .arg("-B")
+        .arg(script)
+        .arg(ENDS[0])
+        .output()
+        .unwrap();
     drop(far);
-    assert!(judge.status.success(), "{}", String::from_utf8_lossy(&judge.stderr));
+    assert!(
+        judge.status.success(),
+        "{}",
+        String::from_utf8_lossy(&judge.stderr)
+    );
     let saw: Value = serde_json::from_slice(&judge.stdout).unwrap();
     assert_eq!(saw["found"], 3);
     assert_eq!(saw["names"][1], json!(["emulated drive", 0x0A11, 1, 1]));
-    assert_eq!(saw["aborted"], json!([0x0601_0002, 0x0602_0000, 0x0601_0002, 0x0602_0000, 0x0601_0002, 0x0602_0000]));
+    assert_eq!(
+        saw["aborted"],
+        json!([
+            0x0601_0002,
+            0x0602_0000,
+            0x0601_0002,
+            0x0602_0000,
+            0x0601_0002,
+            0x0602_0000
+        ])
+    );
     assert_eq!(saw["size"], 3 * (17 + 14));
-    assert_eq!([&saw["pre_op"], &saw["safe_op"], &saw["operational"]], [&json!(2), &json!(4), &json!(8)]);
+    assert_eq!(
+        [&saw["pre_op"], &saw["safe_op"], &saw["operational"]],
+        [&json!(2), &json!(4), &json!(8)]
+    );
     assert_eq!(saw["counter"], json!([9, 9]));
     for drive in 0..3 {
-        assert_eq!(saw["status"][drive].as_u64().unwrap() & 0x6F, 0x27, "operation enabled: {saw}");
+        assert_eq!(
+            saw["status"][drive].as_u64().unwrap() & 0x6F,
+            0x27,
+            "operation enabled: {saw}"
+        );
         // The position arrives at the offset, but for the frames that were on their way.
-        let (moved, offset) = (saw["moved"][drive].as_i64().unwrap(), saw["offset"].as_i64().unwrap());
+        let (moved, offset) = (
+            saw["moved"][drive].as_i64().unwrap(),
+            saw["offset"].as_i64().unwrap(),
+        );
         assert!((-20..=20).contains(&(offset - moved)), "{saw}");
-        assert!((0..=10).contains(&(offset - saw["offsets"][drive].as_i64().unwrap())), "{saw}");
+        assert!(
+            (0..=10).contains(&(offset - saw["offsets"][drive].as_i64().unwrap())),
+            "{saw}"
+        );
         let after = saw["after"][drive].as_u64().unwrap();
-        assert!(after == 0x08 || after == 0x0F, "fault, after leaving OP: {saw}");
+        assert!(
+            after == 0x08 || after == 0x0F,
+            "fault, after leaving OP: {saw}"
+        );
     }
 }

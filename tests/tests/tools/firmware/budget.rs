@@ -16,8 +16,9 @@ pub(crate) fn recording() -> bool {
     std::env::var_os("GANTRY_TAU_RECORD_SIZES").is_some_and(|value| value == "1")
 }
 
-/// Compares measurements with those recorded: none may exceed its goal, or the last measurement by more than a fiftieth (another
-/// compiler, another rounding of the clock); a digest must be the same.
+/// Compares measurements with those recorded: none may exceed its goal, or the last measurement by
+/// more than a fiftieth (another compiler, another rounding of the clock); a digest must be the
+/// same.
 pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
     // Tests run side by side, and each writes the whole file.
     static FILE: Mutex<()> = Mutex::new(());
@@ -31,7 +32,9 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
         println!("{key}: {name} = {value}");
     }
     if recording() {
-        let numbers = measured.iter().map(|(name, value)| (name.clone(), Value::Integer(*value)));
+        let numbers = measured
+            .iter()
+            .map(|(name, value)| (name.clone(), Value::Integer(*value)));
         let entry = section(&mut file, "measured");
         entry.insert(key.to_owned(), Value::Table(numbers.collect()));
         fs::write(&path, format!("{head}\n{file}")).unwrap();
@@ -44,7 +47,10 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
         if name.ends_with("crc32") {
             assert_eq!(*value, last, "{key}: {name} is not the recorded one");
         } else {
-            assert!(*value <= last + last / 50, "{key}: {name} is {value}, recorded {last}");
+            assert!(
+                *value <= last + last / 50,
+                "{key}: {name} is {value}, recorded {last}"
+            );
         }
     }
     let subjects = section(&mut file, "measured").clone();
@@ -54,17 +60,25 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
     let goals = goals.get(key).cloned();
     for (name, goal) in goals.iter().filter_map(Value::as_table).flatten() {
         let (value, goal) = (measured[name], goal.as_integer().unwrap());
-        assert!(value <= goal, "{key}: {name} is {value}, the goal is {goal}");
+        assert!(
+            value <= goal,
+            "{key}: {name} is {value}, the goal is {goal}"
+        );
     }
 }
 
 /// Returns a goal of `sizes.toml`.
 pub(crate) fn goal(key: &str, name: &str) -> i64 {
-    let file: Table = fs::read_to_string(folder().join("sizes.toml")).unwrap().parse().unwrap();
+    let file: Table = fs::read_to_string(folder().join("sizes.toml"))
+        .unwrap()
+        .parse()
+        .unwrap();
     file["goals"][key][name].as_integer().unwrap()
 }
 
 fn section<'a>(file: &'a mut Table, name: &str) -> &'a mut Table {
-    let entry = file.entry(name).or_insert_with(|| Value::Table(Table::new()));
+    let entry = file
+        .entry(name)
+        .or_insert_with(|| Value::Table(Table::new()));
     entry.as_table_mut().unwrap()
 }

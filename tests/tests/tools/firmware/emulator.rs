@@ -62,7 +62,9 @@ pub(crate) fn missing() -> Option<String> {
     if !runs("qemu-system-arm") {
         return Some("qemu-system-arm".to_owned());
     }
-    let output = Command::new(folder().join("build.sh")).arg("check").output();
+    let output = Command::new(folder().join("build.sh"))
+        .arg("check")
+        .output();
     let Ok(output) = output else {
         return Some("a shell to run tests/firmware/build.sh".to_owned());
     };
@@ -82,7 +84,10 @@ pub(crate) fn decoder_missing() -> Option<String> {
 
 fn runs(program: &str) -> bool {
     let mut command = Command::new(program);
-    command.arg("--version").stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .arg("--version")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     command.status().is_ok_and(|status| status.success())
 }
 
@@ -97,7 +102,11 @@ pub(crate) fn images_of(folder: &Path, build: Build, arguments: &[&str]) -> Path
     command.arg(build.name()).args(arguments);
     let output = command.output().unwrap();
     let said = text(&output.stdout);
-    assert!(output.status.success(), "build.sh: {said}{}", text(&output.stderr));
+    assert!(
+        output.status.success(),
+        "build.sh: {said}{}",
+        text(&output.stderr)
+    );
     PathBuf::from(said.lines().last().unwrap())
 }
 
@@ -105,7 +114,15 @@ pub(crate) fn images_of(folder: &Path, build: Build, arguments: &[&str]) -> Path
 pub(crate) fn run(build: Build, image: &Path, place: &Path) -> Vec<u8> {
     let mut command = Command::new("qemu-system-arm");
     command
-        .args(["-machine", build.machine(), "-nographic", "-monitor", "none", "-serial", "none"])
+        .args([
+            "-machine",
+            build.machine(),
+            "-nographic",
+            "-monitor",
+            "none",
+            "-serial",
+            "none",
+        ])
         // An instruction takes 32 ns, always: what is counted is the same in every run.
         .args(["-icount", "shift=5,align=off,sleep=off"])
         .arg("-semihosting-config")
@@ -118,7 +135,11 @@ pub(crate) fn run(build: Build, image: &Path, place: &Path) -> Vec<u8> {
         .stdout(fs::File::create(place.join("console")).unwrap());
     let status = Process::start(&mut command).end(DEADLINE, String::new);
     let console = fs::read(place.join("console")).unwrap();
-    assert!(status.success(), "the firmware ends with {status}; {} bytes of log", console.len());
+    assert!(
+        status.success(),
+        "the firmware ends with {status}; {} bytes of log",
+        console.len()
+    );
     console
 }
 
@@ -131,7 +152,11 @@ pub(crate) fn decode(image: &Path, log: &Path) -> String {
         .stdin(fs::File::open(log).unwrap())
         .output();
     let output: Output = output.unwrap();
-    assert!(output.status.success(), "defmt-print: {}", text(&output.stderr));
+    assert!(
+        output.status.success(),
+        "defmt-print: {}",
+        text(&output.stderr)
+    );
     text(&output.stdout)
 }
 

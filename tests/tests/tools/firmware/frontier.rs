@@ -1,4 +1,5 @@
-//! Time, stack and size of the firmware over the ways to build it: a table, and `docs/cost-firmware.svg`.
+//! Time, stack and size of the firmware over the ways to build it: a table, and
+//! `docs/cost-firmware.svg`.
 //!
 //! Not a test of anything but bits, so it is run only when asked for:
 //! `GANTRY_TAU_DRAW_FRONTIER=1 cargo test -p gantry-tau-tests --test tools firmware::frontier -- --nocapture`.
@@ -6,7 +7,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gantry_tau::plots::{Corner, Curve, Plot};
+use gantry_tau_report::plots::{Curve, Plot};
 
 use super::budget::{self, Measured};
 use super::emulator::{self, Build};
@@ -22,7 +23,11 @@ struct Variant {
 }
 
 const fn with(name: &'static str, settings: &'static [&'static str]) -> Variant {
-    Variant { name, settings, without: &[] }
+    Variant {
+        name,
+        settings,
+        without: &[],
+    }
 }
 
 const VARIANTS: [Variant; 7] = [
@@ -31,8 +36,15 @@ const VARIANTS: [Variant; 7] = [
     with("3", &["opt-level=3"]),
     with("s", &["opt-level='s'"]),
     with("z", &["opt-level='z'"]),
-    with("z, core 2", &["opt-level='z'", "package.gantry-tau-core.opt-level=2"]),
-    Variant { name: "2, core without attributes", settings: &[], without: &["#[cold]", "#[inline(never)]"] },
+    with(
+        "z, core 2",
+        &["opt-level='z'", "package.gantry-tau-core.opt-level=2"],
+    ),
+    Variant {
+        name: "2, core without attributes",
+        settings: &[],
+        without: &["#[cold]", "#[inline(never)]"],
+    },
 ];
 
 /// True if the frontier is asked for.
@@ -43,33 +55,43 @@ pub(crate) fn is_asked_for() -> bool {
 /// Builds and measures every variant.
 pub(crate) fn draw() {
     let tree = copy_of_the_tree();
-    let rows = VARIANTS.iter().map(|variant| (variant.name, measure(&tree, variant)));
-    let mut curves: Vec<Curve> = rows.map(|(name, measured)| curve(name, &measured)).collect();
+    let mut curves: Vec<Curve> = VARIANTS
+        .iter()
+        .map(|variant| curve(variant.name, &measure(&tree, variant)))
+        .collect();
     curves.push(goals());
-    let plot = Plot {
-        x_axis: "code of the whole core with both machines, KiB",
-        y_axis: "worst tick, 1000 instructions: L2 (low), F1 (high)",
+    let plot = Plot::new(
+        "Cost of the firmware by the way it is built",
+        "code of the whole core with both machines, KiB",
+        "worst tick, 1000 instructions: L2 (low), F1 (high)",
         curves,
-        bands: Vec::new(),
-        y_names: Vec::new(),
-        key: Corner::UpperRight,
-    };
+    );
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    fs::write(docs.join("cost-firmware.svg"), plot.svg()).unwrap();
+    fs::write(docs.join("cost-firmware.svg"), plot.svg().as_str()).unwrap();
 }
 
 /// Returns the line from the L2's worst tick to the F1's.
 fn curve(name: &str, measured: &Measured) -> Curve {
-    let ends = ["l2_tick_worst", "f1_tick_worst"].map(|tick| point(measured["text_whole"], measured[tick]));
-    Curve { dots: true, ..Curve::line(name, ends.to_vec()) }
+    let ends = ["l2_tick_worst", "f1_tick_worst"]
+        .map(|tick| point(measured["text_whole"], measured[tick]));
+    Curve::line(name, ends.to_vec()).with_dots()
 }
 
-/// Returns the corner of the goals: the line of a build that reached all three begins below it and ends inside, or below.
+/// Returns the corner of the goals: the line of a build that reached all three begins below it and
+/// ends inside, or below.
 fn goals() -> Curve {
     let text = budget::goal("m7_small_whole", "text");
     let [l2, f1] = ["l2_tick_worst", "f1_tick_worst"].map(|tick| budget::goal("m7_hostile", tick));
     let left = text - text / 8;
-    Curve::line("goals", vec![point(left, f1), point(text, f1), point(text, l2), point(left, l2)])
+    Curve::line(
+        "goals",
+        vec![
+            point(left, f1),
+            point(text, f1),
+            point(text, l2),
+            point(left, l2),
+        ],
+    )
 }
 
 /// Returns a point of the plot: KiB, 1000 instructions.
@@ -84,8 +106,11 @@ fn measure(tree: &Path, variant: &Variant) -> Measured {
         let without = if part == "core" { variant.without } else { &[] };
         copy(&root().join(part), &tree.join(part), without);
     }
-    let settings: Vec<String> =
-        variant.settings.iter().map(|setting| format!("--config=profile.release.{setting}")).collect();
+    let settings: Vec<String> = variant
+        .settings
+        .iter()
+        .map(|setting| format!("--config=profile.release.{setting}"))
+        .collect();
     let settings: Vec<&str> = settings.iter().map(String::as_str).collect();
     let images = emulator::images_of(&tree.join("tests/firmware"), Build::M7, &settings);
     let mut measured = Measured::new();
@@ -100,7 +125,14 @@ fn measure(tree: &Path, variant: &Variant) -> Measured {
     }
     let panics = image::panics(&images.join("whole")).len();
     measured.insert("panics".to_owned(), i64::try_from(panics).unwrap());
-    let columns = ["text_whole", "text_session_only", "l2_tick_worst", "f1_tick_worst", "stack_ticks", "panics"];
+    let columns = [
+        "text_whole",
+        "text_session_only",
+        "l2_tick_worst",
+        "f1_tick_worst",
+        "stack_ticks",
+        "panics",
+    ];
     let row = columns.map(|column| format!("{column}={}", measured[column]));
     println!("build=\"{}\" {}", variant.name, row.join(" "));
     measured

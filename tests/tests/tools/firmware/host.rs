@@ -4,11 +4,11 @@ use std::fs;
 use std::mem::MaybeUninit;
 use std::path::Path;
 
-use gantry_tau::robot_file::RobotFile;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::model::nalgebra::Matrix3;
 use gantry_tau_core::model::{f1, l2};
+use gantry_tau_machine::robot_file::RobotFile;
 
 use super::machine::{ControlCycle, CycleResult, Machine, Meter, Parts, robots};
 use super::recording::{self, MAX_RECORD, Observer, Record, Room, Sink, Source};
@@ -59,7 +59,8 @@ pub(crate) fn play(recording: &[u8]) -> Played {
 fn try_play(recording: &[u8]) -> Option<Played> {
     let (mut source, mut room) = (Bytes(recording), Room::EMPTY);
     let nominal = recording::start(&mut room, &mut source)?;
-    let mut machine = Machine::new(Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap());
+    let mut machine =
+        Machine::new(Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap());
     let (mut output, mut seen) = (Vec::new(), Seen::default());
     recording::play(&mut machine, &mut room, &mut source, &mut output, &mut seen)?;
     assert!(source.0.is_empty(), "nothing follows the end");
@@ -117,7 +118,13 @@ pub(crate) fn recordings_replay() {
     }
 }
 
-/// Playback refuses a cycle in which more arrives than its budget, and what is no recording.
+/// True if a recording is played that has `more` before its first cycle.
+fn is_played(begun: &[u8], more: &[u8], cycle: &[u8]) -> bool {
+    let end = traffic::encode(&Record::End);
+    try_play(&[begun, more, cycle, &end].concat()).is_some()
+}
+
+/// Playback refuses a cycle in which more arrives than its budget, and what is not a recording.
 pub(crate) fn excess_is_refused() {
     let mut rest = traffic::calm().bytes.as_slice();
     // The start, a stream, its Hello, the first cycle.
@@ -132,26 +139,32 @@ pub(crate) fn excess_is_refused() {
     let [start, open, hello, cycle] = records[..] else {
         panic!("{} records", records.len());
     };
-    let is_played = |more: &[u8]| {
-        let end = traffic::encode(&Record::End);
-        try_play(&[start, open, hello, more, cycle, &end].concat()).is_some()
-    };
-    let bytes = |count| traffic::encode(&Record::Bytes(Connection(0), &[0; MAX_RECORD][..count]));
-    assert!(is_played(&[]));
-    assert!(is_played(&bytes(128 - 14)));
-    assert!(!is_played(&bytes(128 - 13)));
-    // Nor does it take a recording that is cut, or a cycle with a kind or a flag that does not exist.
-    for kept in 0..cycle.len() {
-        assert!(try_play(&[start, open, hello, &cycle[..kept]].concat()).is_none(), "{kept} bytes of a cycle");
+    let begun = [start, open, hello].concat();
+    assert!(is_played(&begun, &[], cycle));
+    for (count, is_allowed) in [(128 - 14, true), (128 - 13, false)] {
+        let bytes = traffic::encode(&Record::Bytes(Connection(0), &[0; MAX_RECORD][..count]));
+        assert_eq!(
+            is_played(&begun, &bytes, cycle),
+            is_allowed,
+            "{count} bytes"
+        );
     }
-    let word = |number: usize| 3 + 8 * number;
-    let (stop, rearm, motion, reading, last_write) = (word(2), word(3), word(4), word(5), word(6 + 6 + 18));
-    for at in [2, stop, rearm, motion, reading, last_write] {
+    // Nor does it take a recording that is cut, or a cycle with a kind or a flag that does not
+    // exist.
+    for kept in 0..cycle.len() {
+        assert!(
+            try_play(&[start, open, hello, &cycle[..kept]].concat()).is_none(),
+            "{kept} bytes of a cycle"
+        );
+    }
+    // Numbers of stop, rearm, motion, reading and last write.
+    let numbers = [2, 3, 4, 5, 6 + 6 + 18].map(|number| 3 + 8 * number);
+    for at in [2].into_iter().chain(numbers) {
         let mut damaged = cycle.to_vec();
         damaged[at] = 9;
-        assert!(!is_played(&damaged), "byte {at} of a cycle");
+        assert!(!is_played(&begun, &damaged, cycle), "byte {at} of a cycle");
     }
-    assert!(!is_played(open), "a second connection");
+    assert!(!is_played(&begun, open, cycle), "a second connection");
     assert!(try_play(&[start, open].concat()).is_none(), "no end");
 }
 
@@ -159,7 +172,10 @@ pub(crate) fn excess_is_refused() {
 pub(crate) fn machines_are_those_of_the_files() {
     let (f1, springs) = robots::f1().unwrap();
     let file = RobotFile::builtin_f1().unwrap();
-    assert_eq!(f1::Kinematics::new(&f1).checksum(&robots::F1_METRES_PER_Q), file.checksum());
+    assert_eq!(
+        f1::Kinematics::new(&f1).checksum(&robots::F1_METRES_PER_Q),
+        file.checksum()
+    );
     assert_eq!(Some(springs), file.compliances);
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
     for (ours, theirs) in parameters.axes.iter().zip(&file.limits) {
@@ -167,21 +183,40 @@ pub(crate) fn machines_are_those_of_the_files() {
     }
     let (l2, springs) = robots::l2().unwrap();
     let file = RobotFile::builtin_l2().unwrap();
-    assert_eq!(l2::Kinematics::new(&l2, &Matrix3::identity()).unwrap().checksum(&[1.0; l2::AXES]), file.checksum());
+    assert_eq!(
+        l2::Kinematics::new(&l2, &Matrix3::identity())
+            .unwrap()
+            .checksum(&[1.0; l2::AXES]),
+        file.checksum()
+    );
     assert_eq!(Some(springs), file.compliances);
 }
 
-/// Bit-equality stands on equal arithmetic: the lock files of host and firmware name the same versions of what computes.
+/// Bit-equality stands on equal arithmetic: the lock files of host and firmware name the same
+/// versions of what computes.
 pub(crate) fn same_mathematics() {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let [host, firmware] = [tests.join("../Cargo.lock"), tests.join("firmware/Cargo.lock")]
-        .map(|path| fs::read_to_string(path).unwrap().parse::<toml::Table>().unwrap());
+    let [host, firmware] = [
+        tests.join("../Cargo.lock"),
+        tests.join("firmware/Cargo.lock"),
+    ]
+    .map(|path| {
+        fs::read_to_string(path)
+            .unwrap()
+            .parse::<toml::Table>()
+            .unwrap()
+    });
     for name in ["libm", "nalgebra", "simba", "crc32fast", "heapless"] {
         let [host, firmware] = [&host, &firmware].map(|lock| {
             let packages = lock["package"].as_array().unwrap().iter();
             let versions = packages.filter(|package| package["name"].as_str() == Some(name));
-            versions.map(|package| package["version"].to_string()).collect::<Vec<_>>()
+            versions
+                .map(|package| package["version"].to_string())
+                .collect::<Vec<_>>()
         });
-        assert!(!host.is_empty() && host == firmware, "{name}: {host:?} and {firmware:?}");
+        assert!(
+            !host.is_empty() && host == firmware,
+            "{name}: {host:?} and {firmware:?}"
+        );
     }
 }

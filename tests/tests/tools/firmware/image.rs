@@ -15,13 +15,22 @@ const IMAGES: [&str; 4] = ["firmware", "whole", "session_only", "labcomm"];
 /// Parts of the mangled names of functions that panic.
 const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
 
-/// Returns the functions of an image that panic. The handler itself is in every image, and is not called.
+/// Returns the functions of an image that panic. The handler itself is in every image, and is not
+/// called.
 pub(crate) fn panics(image: &Path) -> Vec<String> {
     let bytes = fs::read(image).unwrap();
     let file = object::File::parse(&*bytes).unwrap();
-    let names: Vec<String> = file.symbols().map(|symbol| symbol.name().unwrap().to_owned()).collect();
-    assert!(names.iter().any(|name| name == "main"), "the image has its symbols");
-    let panics = names.into_iter().filter(|name| PANICS.iter().any(|panic| name.contains(panic)));
+    let names: Vec<String> = file
+        .symbols()
+        .map(|symbol| symbol.name().unwrap().to_owned())
+        .collect();
+    assert!(
+        names.iter().any(|name| name == "main"),
+        "the image has its symbols"
+    );
+    let panics = names
+        .into_iter()
+        .filter(|name| PANICS.iter().any(|panic| name.contains(panic)));
     panics.collect()
 }
 
@@ -56,10 +65,14 @@ pub(crate) fn sizes() {
     for build in Build::ALL {
         let folder = images(build, &[]);
         // LabComm is measured where size is asked for.
-        for image in IMAGES.into_iter().filter(|image| *image != "labcomm" || build == Build::M7Small) {
+        for image in IMAGES
+            .into_iter()
+            .filter(|image| *image != "labcomm" || build == Build::M7Small)
+        {
             let bytes = fs::read(folder.join(image)).unwrap();
             let file = object::File::parse(&*bytes).unwrap();
-            let measured = ["text", "rodata", "data", "bss"].map(|name| (name.to_owned(), size(&file, name)));
+            let measured =
+                ["text", "rodata", "data", "bss"].map(|name| (name.to_owned(), size(&file, name)));
             budget::judge(build, image, &BTreeMap::from(measured));
         }
     }

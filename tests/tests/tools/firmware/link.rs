@@ -1,9 +1,10 @@
-//! A real client drives the emulated target: the unchanged program over TCP, through a cable that is pulled.
+//! A real client drives the emulated target: the unchanged program over TCP, through a cable that
+//! is pulled.
 //!
 //!     client - relay (pulls the cable) - proxy (records, and is the force sensor) - emulator - firmware
 //!
-//! Nothing depends on speed: a tick is an answer. Three records must agree: the target's log, the proxy's States, and the clients'
-//! recordings and exit codes.
+//! Nothing depends on speed: a tick is an answer. Three records must agree: the target's log, the
+//! proxy's States, and the clients' recordings and exit codes.
 
 mod journal;
 pub(crate) mod program;
@@ -22,7 +23,6 @@ use gantry_tau_core::control::message::{self, Phase, Refusal, ServerMessage};
 use gantry_tau_tests::client::Client;
 
 use super::emulator::{self, Build};
-
 use program::Running;
 use proxy::Proxy;
 use target::Target;
@@ -41,7 +41,8 @@ const PULL_N: f64 = 50.0;
 /// Ticks in Obtain until the offsets have settled.
 const SETTLED: u64 = 400;
 
-/// Submit, Obtain, a pulled cable, the ramp, and another client that obtains again and leaves. Further clients are refused.
+/// Submit, Obtain, a pulled cable, the ramp, and another client that obtains again and leaves.
+/// Further clients are refused.
 pub(crate) fn a_real_client_drives_the_target() {
     let image = emulator::images(Build::M7, &["--features", "link", "--bin", "link"]).join("link");
     let program = program::build();
@@ -67,7 +68,10 @@ pub(crate) fn a_real_client_drives_the_target() {
     verdict::check_pulled_cable(&lost);
     // The answer to the last State was on the cable, or had arrived.
     let rows = verdict::check_recording(&cell.place.join("lost.csv"), &lost);
-    assert!((received..=received + 1).contains(&rows), "{rows} rows, {received} received");
+    assert!(
+        (received..=received + 1).contains(&rows),
+        "{rows} rows, {received} received"
+    );
     // The Goodbye answers no State.
     let (left, received) = verdict::check_session(&log, &states, 2, "Goodbye");
     let rows = verdict::check_recording(&cell.place.join("left.csv"), &left);
@@ -82,29 +86,51 @@ struct Cell<'a> {
     target: Target,
 }
 
+fn obtains(state: &State, epoch: u64) -> bool {
+    state.epoch.0 == epoch && state.phase == Phase::Obtain
+}
+
 impl Cell<'_> {
     fn client(&self, name: &str, server: SocketAddr) -> Running {
         let (server, sensor) = (server.to_string(), self.proxy.sensor.to_string());
         let recording = self.place.join(format!("{name}.csv"));
-        let arguments =
-            ["client", "--robot", "f1", &server, "--sensor", &sensor, "--record", recording.to_str().unwrap()];
+        let arguments = [
+            "client",
+            "--robot",
+            "f1",
+            &server,
+            "--sensor",
+            &sensor,
+            "--record",
+            recording.to_str().unwrap(),
+        ];
         Running::start(self.program, &self.place, name, &arguments)
     }
 
     /// Waits until the session of this epoch is in Obtain, and its offsets have settled.
     fn await_settled(&self, epoch: u64) {
-        let obtains = |state: &State| state.epoch.0 == epoch && state.phase == Phase::Obtain;
-        let since = self.proxy.await_state("Obtain", obtains).tick.0;
-        let settled = |state: &State| obtains(state) && state.tick.0 >= since + SETTLED;
-        self.proxy.await_state("offsets at rest", settled);
+        let first = self
+            .proxy
+            .await_state("Obtain", |state| obtains(state, epoch));
+        self.proxy.await_state("offsets at rest", |state| {
+            obtains(state, epoch) && state.tick.0 >= first.tick.0 + SETTLED
+        });
     }
 
-    /// Submit, Obtain, a pulled cable, the ramp. Returns the ticks of ramp in the refusal of another client.
+    /// Submit, Obtain, a pulled cable, the ramp. Returns the ticks of ramp in the refusal of
+    /// another client.
     fn lose_a_client(&self) -> u32 {
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let (relay, _) = Relay::spawn(any, self.proxy.address, Transport::Stream, FaultPlan::default()).unwrap();
+        let (relay, _) = Relay::spawn(
+            any,
+            self.proxy.address,
+            Transport::Stream,
+            FaultPlan::default(),
+        )
+        .unwrap();
         let mut client = self.client("lost", relay.address);
-        self.proxy.await_state("Obtain", |state| state.phase == Phase::Obtain);
+        self.proxy
+            .await_state("Obtain", |state| state.phase == Phase::Obtain);
         let (code, said) = self.client("busy", self.proxy.address).end();
         assert_eq!(code, Some(4), "{said}");
         assert!(said.contains("another client owns the session"), "{said}");
@@ -112,15 +138,17 @@ impl Cell<'_> {
         assert!(client.process.is_running());
 
         relay.cut();
-        let ramps = |state: &State| state.phase == Phase::SafeDisconnect;
-        self.proxy.await_state("the ramp", ramps);
+        self.proxy
+            .await_state("the ramp", |state| state.phase == Phase::SafeDisconnect);
         let mut other = Client::<AXES>::connect(self.proxy.address);
         other.say_hello();
         let answer = other.receive();
         let Some(ServerMessage::Refusal(Refusal::Ramping { ticks_left })) = answer else {
             panic!("let in during the ramp: {answer:?}");
         };
-        self.proxy.await_state("the ramp's end", |state| ramps(state) && state.ramp_ticks_left == 0);
+        self.proxy.await_state("the ramp's end", |state| {
+            state.phase == Phase::SafeDisconnect && state.ramp_ticks_left == 0
+        });
         let (code, said) = client.end();
         assert_eq!(code, Some(7), "{said}");
         assert!(said.contains("the server vanished"), "{said}");

@@ -27,7 +27,9 @@ impl Process {
 
     /// Interrupts it, as Ctrl-C does.
     pub(crate) fn interrupt(&self) {
-        let kill = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status();
+        let kill = Command::new("kill")
+            .args(["-INT", &self.0.id().to_string()])
+            .status();
         assert!(kill.unwrap().success());
     }
 
@@ -35,7 +37,11 @@ impl Process {
     pub(crate) fn end(&mut self, patience: Duration, said: impl Fn() -> String) -> ExitStatus {
         let since = Instant::now();
         while self.is_running() {
-            assert!(since.elapsed() < patience, "it runs longer than {patience:?}: {}", said());
+            assert!(
+                since.elapsed() < patience,
+                "it runs longer than {patience:?}: {}",
+                said()
+            );
             std::thread::sleep(LOOK);
         }
         self.0.wait().unwrap()

@@ -18,15 +18,22 @@ struct Played {
     image: PathBuf,
 }
 
-/// A changed bit of the last pose, some 1e-12 m, changes the outcome, on host and target in the same way.
+/// A changed bit of the last pose, some 1e-12 m, changes the outcome, on host and target in the
+/// same way.
 pub(crate) fn a_changed_bit_is_seen() {
     let recording = traffic::calm();
     let mut bytes = recording.bytes.clone();
-    // The last record is the end, the one before ends with twelve numbers, pose and load; bit 20 of the first.
+    // The last record is the end, the one before ends with twelve numbers, pose and load; bit 20 of
+    // the first.
     let end = traffic::encode(&Record::End).len();
     let at = bytes.len() - end - 12 * 8 + 2;
     bytes[at] ^= 1 << 4;
-    let played = play(Build::M7, &emulator::images(Build::M7, &[]), "changed_bit", &bytes);
+    let played = play(
+        Build::M7,
+        &emulator::images(Build::M7, &[]),
+        "changed_bit",
+        &bytes,
+    );
     assert_eq!(played.output.len(), recording.output.len());
     let before_the_last_tick = recording.output.len() - 1_000;
     assert_eq!(
@@ -34,18 +41,30 @@ pub(crate) fn a_changed_bit_is_seen() {
         Some(true),
         "the bit is seen, and where it is"
     );
-    assert_eq!(first_difference(&played.output, &host::play(&bytes).output), None);
+    assert_eq!(
+        first_difference(&played.output, &host::play(&bytes).output),
+        None
+    );
 }
 
 /// The log of the calm session is `golden.txt`.
 pub(crate) fn log_tells_the_session() {
-    let played = play(Build::M7, &emulator::images(Build::M7, &[]), "log", &traffic::calm().bytes);
+    let played = play(
+        Build::M7,
+        &emulator::images(Build::M7, &[]),
+        "log",
+        &traffic::calm().bytes,
+    );
     let log = emulator::decode(&played.image, &played.place.join("console"));
     let golden = emulator::folder().join("golden.txt");
     if budget::recording() {
         fs::write(&golden, &log).unwrap();
     }
-    assert_eq!(log, fs::read_to_string(&golden).unwrap(), "the log is not that of golden.txt");
+    assert_eq!(
+        log,
+        fs::read_to_string(&golden).unwrap(),
+        "the log is not that of golden.txt"
+    );
 }
 
 /// Compares every reference, every frame and every float, and judges the cost.
@@ -54,16 +73,30 @@ pub(crate) fn is_bit_equal(build: Build, recording: &Recording) {
     budget::judge(build, recording.name, &measured);
 }
 
-/// Plays a recording on the image in a folder, and compares every byte with the host. Returns the cost and a digest of the output.
+/// Plays a recording on the image in a folder, and compares every byte with the host. Returns the
+/// cost and a digest of the output.
 pub(crate) fn measure(build: Build, images: &Path, recording: &Recording) -> Measured {
     let played = play(build, images, recording.name, &recording.bytes);
     let expected = host::play(&recording.bytes).output;
     if let Some(at) = first_difference(&played.output, &expected) {
-        panic!("{} on {}: differs from the host from byte {at} of {}", recording.name, build.name(), expected.len());
+        panic!(
+            "{} on {}: differs from the host from byte {at} of {}",
+            recording.name,
+            build.name(),
+            expected.len()
+        );
     }
-    println!("{} on {}: {} bytes are equal", recording.name, build.name(), expected.len());
+    println!(
+        "{} on {}: {} bytes are equal",
+        recording.name,
+        build.name(),
+        expected.len()
+    );
     let mut measured = played.laps.measured(&recording.f1);
-    measured.insert("output_crc32".to_owned(), i64::from(gantry_tau_tests::client::crc32(&expected)));
+    measured.insert(
+        "output_crc32".to_owned(),
+        i64::from(gantry_tau_tests::client::crc32(&expected)),
+    );
     measured
 }
 
@@ -92,15 +125,32 @@ struct Laps {
     stack: [u32; 2],
 }
 
+/// Name of a part of a tick, and its share of the counts.
+type Part = (&'static str, fn(&[u32; 3]) -> u32);
+
+/// Parts of a tick.
+const PARTS: [Part; 4] = [
+    ("tick", |parts| parts.iter().sum()),
+    ("feed", |parts| parts[0]),
+    ("floats", |parts| parts[1]),
+    ("server", |parts| parts[2]),
+];
+
 impl Laps {
     fn read(bytes: &[u8]) -> Self {
-        let numbers: Vec<u32> =
-            bytes.chunks_exact(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect();
+        let numbers: Vec<u32> = bytes
+            .chunks_exact(4)
+            .map(|four| u32::from_le_bytes(four.try_into().unwrap()))
+            .collect();
         let (cycles, stack) = numbers.split_last_chunk().unwrap();
         // A cycle of the board's clock takes 40 ns, an instruction 32 ns.
-        let ticks =
-            cycles.chunks_exact(3).map(|parts| [parts[0], parts[1], parts[2]].map(|cycles| cycles + cycles / 4));
-        Self { ticks: ticks.collect(), stack: *stack }
+        let ticks = cycles
+            .chunks_exact(3)
+            .map(|parts| [parts[0], parts[1], parts[2]].map(|cycles| cycles + cycles / 4));
+        Self {
+            ticks: ticks.collect(),
+            stack: *stack,
+        }
     }
 
     /// Returns worst and mean of each part, for each machine.
@@ -116,16 +166,13 @@ impl Laps {
             if ticks.is_empty() {
                 continue;
             }
-            let mut record = |what: &str, of: &dyn Fn(&[u32; 3]) -> u32| {
+            for (what, of) in PARTS {
                 let worst = ticks.iter().map(of).max().unwrap();
-                let mean = ticks.iter().map(|parts| u64::from(of(parts))).sum::<u64>() / ticks.len() as u64;
+                let mean = ticks.iter().map(|parts| u64::from(of(parts))).sum::<u64>()
+                    / ticks.len() as u64;
                 measured.insert(format!("{machine}_{what}_worst"), worst.into());
                 measured.insert(format!("{machine}_{what}_mean"), mean.try_into().unwrap());
-            };
-            record("tick", &|parts| parts.iter().sum());
-            record("feed", &|parts| parts[0]);
-            record("floats", &|parts| parts[1]);
-            record("server", &|parts| parts[2]);
+            }
         }
         measured
     }

@@ -1,15 +1,16 @@
-//! The header of `gantry-tau header`: it compiles without a warning, and the C interface finds the same machine in it.
+//! The header of `gantry-tau header`: it compiles without a warning, and the C interface finds the
+//! same machine in it.
 
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
 use gantry_tau::header::{HeaderOptions, Prefix, run as write_header};
-use gantry_tau::model::MachineKind;
-use gantry_tau::output::{Kind, Output};
-use gantry_tau::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::units::{Metres, PositionNm};
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::{AnyRobotFile, RobotFile};
+use gantry_tau_system::output::{Kind, Output};
 use libtest_mimic::Failed;
 
 use crate::capi::STRICT;
@@ -28,8 +29,17 @@ pub(super) fn compiles() -> Result<(), Failed> {
         let program = place.join("header");
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/linuxcnc/header.c");
         let mut command = Command::new("gcc");
-        command.args(STRICT).arg("-I").arg(folder().join("include")).arg("-I").arg(&place).arg(source).arg(library());
-        run(command.args(["-lm", "-Wl,--gc-sections", "-o"]).arg(&program))?;
+        command
+            .args(STRICT)
+            .arg("-I")
+            .arg(folder().join("include"))
+            .arg("-I")
+            .arg(&place)
+            .arg(source)
+            .arg(library());
+        run(command
+            .args(["-lm", "-Wl,--gc-sections", "-o"])
+            .arg(&program))?;
         let expected = match &robot {
             AnyRobotFile::L2(robot) => machine(robot),
             AnyRobotFile::F1(robot) => machine(robot),
@@ -46,7 +56,9 @@ fn machine<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> String
     let home = robot.model.axes_at(&robot.home_m()).unwrap();
     for (axis, limits) in robot.limits.iter().enumerate() {
         let metres = robot.metres_per_q[axis];
-        let home = PositionNm::from_metres(Metres(home[axis] * metres)).unwrap().0;
+        let home = PositionNm::from_metres(Metres(home[axis] * metres))
+            .unwrap()
+            .0;
         let (nominal, machine) = (limits.nominal_travel, limits.machine_travel);
         writeln!(
             text,
@@ -70,5 +82,11 @@ fn machine<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> String
 }
 
 fn channel<U>(limits: &Limits<U>) -> String {
-    format!(", {} {} {} {}", limits.max(), limits.step(), limits.accel(), limits.ramp())
+    format!(
+        ", {} {} {} {}",
+        limits.max(),
+        limits.step(),
+        limits.accel(),
+        limits.ramp()
+    )
 }

@@ -37,21 +37,32 @@ impl Record {
     }
 }
 
-/// Numbers of each line of `halsampler -t`, without its own. Fails if a period is missing. The last line may be cut.
+/// Numbers of each line of `halsampler -t`, without its own. Fails if a period is missing. The last
+/// line may be cut.
 pub(super) fn samples(text: &str) -> Vec<Vec<f64>> {
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);
-    let numbers = |(number, line): (usize, &str)| {
-        let (own, fields) =
-            line.trim_start().split_once(char::is_whitespace).unwrap_or_else(|| panic!("line {number}: {line}"));
+    let samples = whole.lines().enumerate().map(|(number, line)| {
+        let (own, fields) = line
+            .trim_start()
+            .split_once(char::is_whitespace)
+            .unwrap_or_else(|| panic!("line {number}: {line}"));
         assert_eq!(own.parse(), Ok(number), "a period is missing: {line}");
         let fields = fields.split_whitespace();
-        fields.map(|field| field.parse().unwrap_or_else(|_| panic!("line {number}: {line}"))).collect()
-    };
-    whole.lines().enumerate().map(numbers).collect()
+        fields
+            .map(|field| {
+                field
+                    .parse()
+                    .unwrap_or_else(|_| panic!("line {number}: {line}"))
+            })
+            .collect()
+    });
+    samples.collect()
 }
 
 fn row(fields: &[f64]) -> Row {
-    let [positions @ .., residual, is_on, is_world, refused] = fields else { panic!("{fields:?}") };
+    let [positions @ .., residual, is_on, is_world, refused] = fields else {
+        panic!("{fields:?}")
+    };
     let (joints, axes) = positions.split_at(positions.len() / 2);
     Row {
         joints: joints.to_vec(),

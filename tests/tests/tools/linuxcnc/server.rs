@@ -1,5 +1,5 @@
-//! The component `gantry_tau` in a thread of HAL without the motion controller: a streamer has the path, the drives are ideal, and the
-//! unchanged `gantry-tau client` compensates.
+//! The component `gantry_tau` in a thread of HAL without the motion controller: a streamer has the
+//! path, the drives are ideal, and the unchanged `gantry-tau client` compensates.
 
 pub(super) mod hal;
 mod record;
@@ -14,7 +14,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use gantry_tau::state::{Place, State};
+use gantry_tau_server::state::{MachineState, StatePlace};
 use libtest_mimic::Failed;
 use socket2::{Domain, Socket, Type};
 
@@ -24,13 +24,29 @@ use record::{AXES, Row, judge, parse};
 
 /// Trials of this file.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[
-    ("server_needs_known_functions_only", || done(known_functions_only)),
-    ("server_ends_sessions_of_a_killed_client_and_by_a_stop", || done(|| two_ends(&[]))),
-    ("server_ends_sessions_over_datagrams", || done(|| two_ends(&["udp=1"]))),
-    ("server_takes_a_burst_as_one_tick", || done(a_burst_is_one_tick)),
-    ("server_has_places_for_newcomers_beside_idle_strangers", || done(places_are_shared)),
-    ("server_refuses_bad_parameters_in_one_line", || done(bad_parameters)),
-    ("server_refuses_a_port_in_use_in_one_line", || done(port_in_use)),
+    ("server_needs_known_functions_only", || {
+        done(known_functions_only)
+    }),
+    (
+        "server_ends_sessions_of_a_killed_client_and_by_a_stop",
+        || done(|| two_ends(&[])),
+    ),
+    ("server_ends_sessions_over_datagrams", || {
+        done(|| two_ends(&["udp=1"]))
+    }),
+    ("server_takes_a_burst_as_one_tick", || {
+        done(a_burst_is_one_tick)
+    }),
+    (
+        "server_has_places_for_newcomers_beside_idle_strangers",
+        || done(places_are_shared),
+    ),
+    ("server_refuses_bad_parameters_in_one_line", || {
+        done(bad_parameters)
+    }),
+    ("server_refuses_a_port_in_use_in_one_line", || {
+        done(port_in_use)
+    }),
 ];
 
 /// A test that fails by panicking.
@@ -51,14 +67,22 @@ const HOME_MM: [f64; AXES] = [624.499_8, -696.419_414, 668.954_408];
 /// Periods in which the path stands at first.
 const STANDS: u32 = 5_000;
 
-/// The path: every joint swings by centimetres, in whole nanometres, for much longer than a test takes; then it stands.
+/// The path: every joint swings by centimetres, in whole nanometres, for much longer than a test
+/// takes; then it stands.
 fn path() -> String {
     let mut lines = String::new();
     for period in 0..60_000_u32 {
         // It stands where the drives are while the component starts.
         let swing = 5.0 * (1.0 - (TAU * f64::from(period.saturating_sub(STANDS)) / 2_000.0).cos());
         let [first, second, third] = HOME_MM;
-        writeln!(lines, "{:.6} {:.6} {:.6}", first + swing, second + 1.1 * swing, third - 0.9 * swing).unwrap();
+        writeln!(
+            lines,
+            "{:.6} {:.6} {:.6}",
+            first + swing,
+            second + 1.1 * swing,
+            third - 0.9 * swing
+        )
+        .unwrap();
     }
     lines
 }
@@ -71,8 +95,7 @@ fn setup(parameters: &str) -> String {
          loadrt mux2 count=3\nloadrt sum2 count=3\nloadrt scale count=3\nnet enable gantry-tau.enable\nsetp gantry-tau.wrench-valid 1\nnet permit gantry-tau.permit\n"
     );
     for (joint, home) in HOME_MM.into_iter().enumerate() {
-        let pin = |group: usize| 3 * group + joint;
-        let (nominal, reference, difference, offset) = (pin(0), pin(1), pin(2), pin(3));
+        let [nominal, reference, difference, offset] = [0, 1, 2, 3].map(|group| 3 * group + joint);
         write!(
             hal,
             "net nominal{joint} streamer.0.pin.{joint} gantry-tau.{joint}.nominal sum2.{joint}.in1 sampler.0.pin.{nominal}\n\
@@ -96,7 +119,8 @@ fn setup(parameters: &str) -> String {
     hal + "addf streamer.0 servo\nstart\n"
 }
 
-/// Functions of the thread once the streamer has begun: the component takes the first nominal positions as those in force.
+/// Functions of the thread once the streamer has begun: the component takes the first nominal
+/// positions as those in force.
 const FUNCTIONS: &str = "addf mux2.0 servo\naddf mux2.1 servo\naddf mux2.2 servo\naddf gantry-tau.read servo\naddf gantry-tau.write servo\naddf sum2.0 servo\naddf sum2.1 servo\naddf sum2.2 servo\n\
                          addf scale.0 servo\naddf scale.1 servo\naddf scale.2 servo\naddf sampler.0 servo\n";
 
@@ -113,14 +137,25 @@ impl Bench {
         program();
         let ports = free_ports();
         let [port, sensor_port] = ports;
-        let parameters = format!("port={port} sensor_port={sensor_port} epoch_file=epochs {}", parameters.join(" "));
+        let parameters = format!(
+            "port={port} sensor_port={sensor_port} epoch_file=epochs {}",
+            parameters.join(" ")
+        );
         let hal = Hal::start(name, &setup(&parameters), Some([&path(), FUNCTIONS]));
         assert!(hal.is_ready, "{}", hal.said());
-        let mut bench = Self { hal, ports, udp: parameters.contains("udp=1") };
+        let mut bench = Self {
+            hal,
+            ports,
+            udp: parameters.contains("udp=1"),
+        };
         // While they are off the drives stand at home, and the path does.
         let since = Instant::now();
         while bench.hal.ask("getp gantry-tau.permit") != "TRUE" {
-            assert!(since.elapsed() < PATIENCE, "not permitted: {}", bench.hal.said());
+            assert!(
+                since.elapsed() < PATIENCE,
+                "not permitted: {}",
+                bench.hal.said()
+            );
         }
         bench.hal.ask("sets enable 1");
         bench.rearm();
@@ -145,14 +180,22 @@ impl Bench {
         self.wait_for("gantry-tau.phase", OBTAIN);
         self.hal.ask("sets wrench-1 100");
         self.pass(300);
-        assert!(self.hal.pin("gantry-tau.1.offset").abs() > 0.05, "{}", self.hal.pin("gantry-tau.1.offset"));
+        assert!(
+            self.hal.pin("gantry-tau.1.offset").abs() > 0.05,
+            "{}",
+            self.hal.pin("gantry-tau.1.offset")
+        );
         client
     }
 
     fn wait_for(&mut self, pin: &str, value: u8) {
         let since = Instant::now();
         while self.hal.ask(&format!("getp {pin}")) != value.to_string() {
-            assert!(since.elapsed() < PATIENCE, "waited in vain for {pin} = {value}: {}", self.hal.said());
+            assert!(
+                since.elapsed() < PATIENCE,
+                "waited too long for {pin} = {value}: {}",
+                self.hal.said()
+            );
         }
     }
 
@@ -160,7 +203,11 @@ impl Bench {
     fn pass(&mut self, ticks: u32) {
         let (since, first) = (Instant::now(), self.tick());
         while self.tick() < first + f64::from(ticks) {
-            assert!(since.elapsed() < PATIENCE, "the thread stands: {}", self.hal.said());
+            assert!(
+                since.elapsed() < PATIENCE,
+                "the thread stands: {}",
+                self.hal.said()
+            );
         }
     }
 
@@ -198,7 +245,11 @@ impl Client {
             "--robot",
             "l2",
         ]);
-        command.args(udp.then_some("--udp")).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+            .args(udp.then_some("--udp"))
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
         Self(command.spawn().unwrap())
     }
 
@@ -216,7 +267,11 @@ impl Drop for Client {
 
 /// Two sessions: the client is killed; a stop, after which the machine is re-armed.
 fn two_ends(parameters: &[&str]) {
-    let name = if parameters.is_empty() { "streams" } else { "datagrams" };
+    let name = if parameters.is_empty() {
+        "streams"
+    } else {
+        "datagrams"
+    };
     let mut bench = Bench::start(name, &[&["lockstep=1"], parameters].concat());
     drop(bench.compensate());
     bench.wait_for("gantry-tau.phase", LISTENING);
@@ -235,35 +290,55 @@ fn two_ends(parameters: &[&str]) {
         .filter(|pair| pair[0].phase == OBTAIN && pair[1].phase != OBTAIN)
         .map(|pair| [pair[1].phase, pair[1].cause])
         .collect();
-    let lost = if parameters.is_empty() { CLOSED } else { CLIENT_LATE };
+    let lost = if parameters.is_empty() {
+        CLOSED
+    } else {
+        CLIENT_LATE
+    };
     assert_eq!(ends, [[SAFE_DISCONNECT, lost], [FAULT, STOP]]);
     let in_session = rows.iter().filter(|row| row.phase == OBTAIN);
     assert!(in_session.clone().count() > 600, "{}", in_session.count());
-    // Silence is what tells that a sender of datagrams is gone: one miss is tolerated, and the second ends the session.
+    // Silence is what tells that a sender of datagrams is gone: one miss is tolerated, and the
+    // second ends the session.
     let missed = in_session.clone().filter(|row| row.missed != 0).count();
-    assert_eq!(missed, usize::from(!parameters.is_empty()), "in lock-step no deadline is missed");
+    assert_eq!(
+        missed,
+        usize::from(!parameters.is_empty()),
+        "in lock-step no deadline is missed"
+    );
     let largest = rows.iter().map(|row| row.offset[1].abs()).max().unwrap();
     assert!(largest > 50_000, "{largest}");
     assert!(
-        rows.windows(2).any(|pair| (pair[1].offset[1] - pair[0].offset[1]).abs() == 5_000),
+        rows.windows(2)
+            .any(|pair| (pair[1].offset[1] - pair[0].offset[1]).abs() == 5_000),
         "the limit of a step was met"
     );
 }
 
-/// The thread stands for a while; the periods that follow in a burst are one tick, and the offsets are held in them.
+/// The thread stands for a while; the periods that follow in a burst are one tick, and the offsets
+/// are held in them.
 fn a_burst_is_one_tick() {
     let mut bench = Bench::start("burst", &[]);
     for _ in 0..3 {
-        bench.hal.ask("!kill -STOP $(pidof rtapi_app); sleep 0.05; kill -CONT $(pidof rtapi_app)");
+        bench
+            .hal
+            .ask("!kill -STOP $(pidof rtapi_app); sleep 0.05; kill -CONT $(pidof rtapi_app)");
         bench.pass(200);
     }
     assert!(bench.hal.pin("gantry-tau.lateness-max") > 40e6);
     let rows = bench.end();
-    let held: Vec<usize> = (1..rows.len()).filter(|at| rows[*at].tick == rows[at - 1].tick).collect();
+    let held: Vec<usize> = (1..rows.len())
+        .filter(|at| rows[*at].tick == rows[at - 1].tick)
+        .collect();
     assert!(held.len() >= 3 * 40, "{}", held.len());
     // The next tick counts those that were skipped: its number is that of the period.
     for at in (1..rows.len()).filter(|at| !held.contains(at)) {
-        assert_eq!(usize::try_from(rows[at].tick - rows[0].tick).unwrap(), at, "{:?}", rows[at]);
+        assert_eq!(
+            usize::try_from(rows[at].tick - rows[0].tick).unwrap(),
+            at,
+            "{:?}",
+            rows[at]
+        );
     }
 }
 
@@ -295,8 +370,12 @@ fn places_are_shared() {
 /// A connection from 127.0.0.`host`.
 fn connect_from(host: u8, port: u16) -> TcpStream {
     let stream = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
-    stream.bind(&SocketAddr::from(([127, 0, 0, host], 0)).into()).unwrap();
-    stream.connect(&SocketAddr::from(([127, 0, 0, 1], port)).into()).unwrap();
+    stream
+        .bind(&SocketAddr::from(([127, 0, 0, host], 0)).into())
+        .unwrap();
+    stream
+        .connect(&SocketAddr::from(([127, 0, 0, 1], port)).into())
+        .unwrap();
     stream.into()
 }
 
@@ -305,8 +384,10 @@ fn refused(name: &str, parameters: &str, why: &str) {
     let hal = Hal::start(name, &format!("loadrt gantry_tau {parameters}\n"), None);
     assert!(!hal.is_ready);
     let said = hal.said();
-    let lines: Vec<&str> =
-        said.lines().filter(|line| line.starts_with("gantry_tau: ") && !line.contains("rtapi_app_main")).collect();
+    let lines: Vec<&str> = said
+        .lines()
+        .filter(|line| line.starts_with("gantry_tau: ") && !line.contains("rtapi_app_main"))
+        .collect();
     assert_eq!(lines.len(), 1, "{said}");
     assert!(lines[0].contains(why), "{said}");
 }
@@ -315,35 +396,59 @@ fn bad_parameters() {
     let [port, sensor_port] = free_ports();
     let ports = format!("port={port} sensor_port={sensor_port}");
     refused("no-epochs", &ports, "epoch_file is missing");
-    refused("bad-epochs", &format!("{ports} epoch_file=setup.hal"), "epoch_file=setup.hal does not contain a counter");
+    refused(
+        "bad-epochs",
+        &format!("{ports} epoch_file=setup.hal"),
+        "epoch_file=setup.hal does not contain a counter",
+    );
     refused(
         "no-folder",
         &format!("{ports} epoch_file=nowhere/epochs"),
         "epoch_file=nowhere/epochs: No such file or directory",
     );
-    refused("device-epochs", &format!("{ports} epoch_file=/dev/null"), "epoch_file=/dev/null: ");
+    refused(
+        "device-epochs",
+        &format!("{ports} epoch_file=/dev/null"),
+        "epoch_file=/dev/null: ",
+    );
     epochs_in_use(&ports);
     names_in_use(&ports);
-    refused("no-port", "port=70000 epoch_file=epochs", "port=70000 is not a port");
-    refused("no-address", &format!("{ports} address=here epoch_file=epochs"), "address=here is not an IPv4 address");
+    refused(
+        "no-port",
+        "port=70000 epoch_file=epochs",
+        "port=70000 is not a port",
+    );
+    refused(
+        "no-address",
+        &format!("{ports} address=here epoch_file=epochs"),
+        "address=here is not an IPv4 address",
+    );
 }
 
 /// One server at a time owns a counter, be it this component or `serve`.
 fn epochs_in_use(ports: &str) {
     let folder = tempfile::tempdir().unwrap();
-    let place = Place::named(&folder.path().join("epochs"));
-    let owned = State::own(&place, "test").unwrap();
+    let place = StatePlace::named(&folder.path().join("epochs"));
+    let owned = MachineState::own(&place, "test").unwrap();
     // LinuxCNC runs as another user.
-    for path in [folder.path().to_path_buf(), folder.path().join("epochs.lock")] {
+    for path in [
+        folder.path().to_path_buf(),
+        folder.path().join("epochs.lock"),
+    ] {
         std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
     }
     let parameters = format!("{ports} epoch_file={}", place.epoch_file.display());
-    refused("epochs-in-use", &parameters, "epochs: in use by another server");
+    refused(
+        "epochs-in-use",
+        &parameters,
+        "epochs: in use by another server",
+    );
     assert!(!place.epoch_file.exists());
     drop(owned);
 }
 
-/// Another file that has the name of the lock, or of the counter's second file, is left as it is; a counter that has a lock is another machine's.
+/// Another file that has the name of the lock, or of the counter's second file, is left as it is; a
+/// counter that has a lock is another machine's.
 fn names_in_use(ports: &str) {
     const OTHER: &str = "4 of another program\n";
     for (extension, files) in [
@@ -354,19 +459,29 @@ fn names_in_use(ports: &str) {
         ("new", &[("epochs.new", "17\n"), ("epochs.new.lock", "")]),
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
-        files.iter().for_each(|(name, text)| std::fs::write(path(name), text).unwrap());
         // LinuxCNC runs as another user.
-        for path in files.iter().map(|(name, _)| path(name)).chain([folder.path().to_path_buf()]) {
-            std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
+        let for_all = Permissions::from_mode(0o777);
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            std::fs::set_permissions(path, for_all.clone()).unwrap();
         }
+        std::fs::set_permissions(folder.path(), for_all).unwrap();
         refused(
             "names-in-use",
-            &format!("{ports} epoch_file={}", path("epochs").display()),
-            &format!("epochs: a file of this name with .{extension} behind it is another program's; move it away"),
+            &format!(
+                "{ports} epoch_file={}",
+                folder.path().join("epochs").display()
+            ),
+            &format!(
+                "epochs: a file of this name with .{extension} behind it is another program's; move it away"
+            ),
         );
         for (name, text) in files {
-            assert_eq!(std::fs::read_to_string(path(name)).unwrap(), *text);
+            assert_eq!(
+                std::fs::read_to_string(folder.path().join(name)).unwrap(),
+                *text
+            );
         }
     }
 }
@@ -376,28 +491,51 @@ fn port_in_use() {
     let port = held.local_addr().unwrap().port();
     let [free] = free_ports();
     let why = format!("cannot listen on 127.0.0.1:{port}");
-    refused("port-in-use", &format!("port={port} sensor_port={free} epoch_file=epochs"), &why);
-    refused("sensor-port-in-use", &format!("port={free} sensor_port={port} epoch_file=epochs"), &why);
+    refused(
+        "port-in-use",
+        &format!("port={port} sensor_port={free} epoch_file=epochs"),
+        &why,
+    );
+    refused(
+        "sensor-port-in-use",
+        &format!("port={free} sensor_port={port} epoch_file=epochs"),
+        &why,
+    );
     let held = UdpSocket::bind(("127.0.0.1", 0)).unwrap();
     let port = held.local_addr().unwrap().port();
     let why = format!("cannot listen on 127.0.0.1:{port}");
-    refused("udp-port-in-use", &format!("udp=1 port={port} sensor_port={free} epoch_file=epochs"), &why);
+    refused(
+        "udp-port-in-use",
+        &format!("udp=1 port={port} sensor_port={free} epoch_file=epochs"),
+        &why,
+    );
 }
 
-/// A shared object may have undefined symbols, so the linker does not refuse a panic, as it does for programs: the list does.
+/// A shared object may have undefined symbols, so the linker does not refuse a panic, as it does
+/// for programs: the list does.
 fn known_functions_only() {
     let module = modules().join("gantry_tau.so");
-    let listed = Command::new("nm").args(["-D", "--undefined-only"]).arg(module).output().unwrap();
+    let listed = Command::new("nm")
+        .args(["-D", "--undefined-only"])
+        .arg(module)
+        .output()
+        .unwrap();
     assert!(listed.status.success());
     let text = String::from_utf8(listed.stdout).unwrap();
-    let needed: BTreeSet<&str> =
-        text.lines().filter_map(|line| line.split_whitespace().last()?.split('@').next()).collect();
+    let needed: BTreeSet<&str> = text
+        .lines()
+        .filter_map(|line| line.split_whitespace().last()?.split('@').next())
+        .collect();
     let known = "accept4 bind close dirname dprintf flock fstat fsync ftruncate getpid inet_pton listen lseek lstat memcmp memcpy memmove memset bcmp nanosleep open \
                  ppoll read recv recvfrom rename send sendto setsockopt snprintf socket strcpy strerror strlen strncmp strspn strtoull unlink write";
     let known: BTreeSet<&str> = known.split_whitespace().collect();
-    let is_known = |name: &str| {
-        known.contains(name) || name.starts_with("hal_") || name.starts_with("rtapi_") || name.starts_with('_')
-    };
-    let unknown: Vec<_> = needed.iter().filter(|name| !is_known(name)).collect();
-    assert!(needed.contains("hal_init") && unknown.is_empty(), "{unknown:?}");
+    let prefixes = ["hal_", "rtapi_", "_"];
+    let unknown: Vec<_> = needed
+        .difference(&known)
+        .filter(|name| !prefixes.iter().any(|prefix| name.starts_with(prefix)))
+        .collect();
+    assert!(
+        needed.contains("hal_init") && unknown.is_empty(),
+        "{unknown:?}"
+    );
 }

@@ -1,8 +1,9 @@
-//! Recordings as MCAP, read back by the official reader in Python, their messages validated against their schemas: the packages `mcap` and
-//! `jsonschema` of PyPI.
+//! Recordings as MCAP, read back by the official reader in Python, their messages validated against
+//! their schemas: the packages `mcap` and `jsonschema` of PyPI.
 //!
-//! Their Python is that of `target/mcap-reader`, where `.ci/run` installs them, or else `python3`. A trial without the packages is reported as
-//! ignored; with `GANTRY_TAU_REQUIRE_MCAP=1` it fails instead.
+//! Their Python is that of `target/mcap-reader`, where `.ci/run` installs them, or else `python3`.
+//! A trial without the packages is reported as ignored; with `GANTRY_TAU_REQUIRE_MCAP=1` it fails
+//! instead.
 #![allow(
     clippy::arithmetic_side_effects,
     clippy::indexing_slicing,
@@ -12,21 +13,16 @@
     reason = "tests fail by panicking"
 )]
 
-#[path = "../../../../host/tests/it/recording/compare.rs"]
-mod compare;
-#[path = "../../../../host/tests/it/recording/session.rs"]
-mod session;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use gantry_tau::model::L2_MOTORS;
-use gantry_tau::record::{RecordTo, recover};
-use gantry_tau::robot_file::RobotFile;
+use gantry_tau_machine::model::L2_MOTORS;
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_record::recording::{RecordTo, recover};
+use gantry_tau_test_support::recordings::{Samples, compare, csv_rows};
+use gantry_tau_test_support::sessions;
 use libtest_mimic::Trial;
 use serde_json::Value;
-
-use compare::{Samples, compare, csv_rows};
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
@@ -36,65 +32,110 @@ pub(crate) fn trials() -> Vec<Trial> {
         if std::env::var_os("GANTRY_TAU_REQUIRE_MCAP").is_some_and(|value| value == "1") {
             return vec![Trial::test(name, move || Err(kind.into())).with_kind(kind)];
         }
-        return vec![Trial::test(name, || Ok(())).with_kind(kind).with_ignored_flag(true)];
+        return vec![
+            Trial::test(name, || Ok(()))
+                .with_kind(kind)
+                .with_ignored_flag(true),
+        ];
     };
-    let run = move || {
+    vec![Trial::test(name, move || {
         check(&python);
         Ok(())
-    };
-    vec![Trial::test(name, run)]
+    })]
 }
 
 /// A Python that has the packages.
 fn python() -> Option<PathBuf> {
     let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/mcap-reader/bin/python3");
-    [installed, PathBuf::from("python3")].into_iter().find(|python| {
-        let mut import = Command::new(python);
-        import.args(["-c", "import mcap.reader, jsonschema"]).stdout(Stdio::null()).stderr(Stdio::null());
-        import.status().is_ok_and(|status| status.success())
-    })
+    [installed, PathBuf::from("python3")]
+        .into_iter()
+        .find(|python| {
+            let mut import = Command::new(python);
+            import
+                .args(["-c", "import mcap.reader, jsonschema"])
+                .stdout(Stdio::null())
+                .stderr(Stdio::null());
+            import.status().is_ok_and(|status| status.success())
+        })
+}
+
+fn record_to(path: &Path) -> RecordTo {
+    path.to_str().unwrap().parse().unwrap()
+}
+
+/// Samples of a recording, by the official reader.
+fn read(python: &Path, path: &Path) -> Samples {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/mcap/read.py");
+    let read = Command::new(python)
+        .arg("-B")
+        .arg(script)
+        .arg(path)
+        .output()
+        .unwrap();
+    assert!(
+        read.status.success(),
+        "{}",
+        String::from_utf8_lossy(&read.stderr)
+    );
+    let lines = String::from_utf8(read.stdout).unwrap();
+    let mut samples = Samples::default();
+    for line in lines.lines() {
+        let mut line: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(line["encoding"], serde_json::json!(["json", "jsonschema"]));
+        let topic = line["topic"]
+            .as_str()
+            .unwrap()
+            .trim_start_matches('/')
+            .to_owned();
+        let schema = if topic == "scene" {
+            "foxglove.SceneUpdate".to_owned()
+        } else {
+            format!("gantry_tau.{topic}")
+        };
+        assert_eq!(line["schema"], schema);
+        let value = line["value"].take();
+        if let Some(tick) = value["tick"].as_u64() {
+            assert_eq!(line["time"], tick * 1_000_000);
+        }
+        samples.add(&topic, value);
+    }
+    samples
 }
 
 fn check(python: &Path) {
     let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name);
-    let to = |name: &str| path(name).to_str().unwrap().parse::<RecordTo>().unwrap();
+    let [csv, mcap, of_client, killed] =
+        ["server.csv", "server.mcap", "client.mcap", "killed.mcap"]
+            .map(|name| folder.path().join(name));
     let robot = RobotFile::builtin_l2().unwrap();
-    let (rows, events, recorded) =
-        session::run::<_, 3, L2_MOTORS>(&robot, &[to("server.csv"), to("server.mcap")], to("client.mcap"));
-    assert!(recorded.iter().all(|file| file.lost == 0 && file.failure.is_none()), "{recorded:?}");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/mcap/read.py");
-    let read = |name: &str| {
-        let read = Command::new(python).arg("-B").arg(&script).arg(path(name)).output().unwrap();
-        assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
-        let lines = String::from_utf8(read.stdout).unwrap();
-        let mut samples = Samples::default();
-        for line in lines.lines() {
-            let mut line: Value = serde_json::from_str(line).unwrap();
-            assert_eq!(line["encoding"], serde_json::json!(["json", "jsonschema"]));
-            let topic = line["topic"].as_str().unwrap().trim_start_matches('/').to_owned();
-            let schema =
-                if topic == "scene" { "foxglove.SceneUpdate".to_owned() } else { format!("gantry_tau.{topic}") };
-            assert_eq!(line["schema"], schema);
-            let value = line["value"].take();
-            if let Some(tick) = value["tick"].as_u64() {
-                assert_eq!(line["time"], tick * 1_000_000);
-            }
-            samples.add(&topic, value);
-        }
-        samples
-    };
-    let server = read("server.mcap");
-    compare(&server, &csv_rows(&path("server.csv")), 3);
+    let (rows, events, recorded) = sessions::run::<_, 3, L2_MOTORS>(
+        &robot,
+        &[record_to(&csv), record_to(&mcap)],
+        record_to(&of_client),
+    );
+    assert!(
+        recorded
+            .iter()
+            .all(|file| file.lost == 0 && file.failure.is_none()),
+        "{recorded:?}"
+    );
+    let server = read(python, &mcap);
+    compare(&server, &csv_rows(&csv), 3);
     assert_eq!(server.of("session_event").len(), events.len());
     assert_eq!(server.of("scene").len(), rows.len().div_ceil(33));
-    let client = read("client.mcap");
+    let client = read(python, &of_client);
     assert!(client.of("axes").len() > 400);
-    // Killed in the middle of a chunk, it has no summary; what is recovered has one, and is a part of it.
-    let whole = std::fs::read(path("client.mcap")).unwrap();
-    std::fs::write(path("killed.mcap"), &whole[..whole.len() / 2]).unwrap();
-    let recovered = recover(&path("killed.mcap")).unwrap();
-    let saved = read(recovered.path.file_name().unwrap().to_str().unwrap());
+    // Killed in the middle of a chunk, it has no summary; what is recovered has one, and is a part
+    // of it.
+    let whole = std::fs::read(&of_client).unwrap();
+    std::fs::write(&killed, &whole[..whole.len() / 2]).unwrap();
+    let recovered = recover(&killed).unwrap();
+    let saved = read(python, &recovered.path);
     let (saved, all) = (saved.of("axes"), client.of("axes"));
-    assert!(saved.len() > all.len() / 4 && saved == &all[..saved.len()], "{} of {}", saved.len(), all.len());
+    assert!(
+        saved.len() > all.len() / 4 && saved == &all[..saved.len()],
+        "{} of {}",
+        saved.len(),
+        all.len()
+    );
 }

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::{Child, Command};
 
-use gantry_tau::server::cycle::Row;
 use gantry_tau_core::control::message::Cause;
 use gantry_tau_core::model::robot::ARMS;
+use gantry_tau_server::record::TickRecord;
 
 use super::{folder, python};
 use crate::firmware::program;
@@ -16,27 +16,39 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("constant_offset_is_reached_and_left", constant_offset),
     ("submit_only_never_reaches_a_drive", submit_only),
     ("compensation_by_solve_holds_the_tool", compensation),
-    ("force_control_settles_after_a_set_point_out_of_reach", force_control),
+    (
+        "force_control_settles_after_a_set_point_out_of_reach",
+        force_control,
+    ),
 ];
 
 /// An example with the addresses of server and sensor.
 fn example(name: &str, [server, sensor]: &[String; 2], arguments: &[&str]) -> Command {
     let mut python = python();
-    python.arg(folder().join("examples").join(name)).arg(server).args(["--sensor", sensor]).args(arguments);
+    python
+        .arg(folder().join("examples").join(name))
+        .arg(server)
+        .args(["--sensor", sensor])
+        .args(arguments);
     python
 }
 
-/// An example that asks `gantry-tau solve`, built before the session: a server that nobody watches loses rows.
+/// An example that asks `gantry-tau solve`, built before the session: a server that is not watched
+/// loses rows.
 fn solving(name: &str, solver: &Path, session: &Session, arguments: &[&str]) -> Child {
     let mut example = example(name, &session.addresses(), arguments);
-    example.arg("--robot").arg(folder().join("../../robots/l2.toml"));
+    example
+        .arg("--robot")
+        .arg(folder().join("../../robots/l2.toml"));
     example.arg("--gantry-tau").arg(solver).spawn().unwrap()
 }
 
-/// Attempts of an example whose solver is a process of its own: on a busy machine it may get no processor for the second that a step may take.
+/// Attempts of an example whose solver is a process of its own: on a busy machine it may get no
+/// processor for the second that a step may take.
 const ATTEMPTS: u32 = 3;
 
-/// Runs an example that asks the solver until each of its steps has returned in time, and checks the rest.
+/// Runs an example that asks the solver until each of its steps has returned in time, and checks
+/// the rest.
 fn in_time(tool: impl Fn() -> Tool, name: &str, arguments: &[&str], check: impl Fn(&Session)) {
     let solver = program::build();
     for attempt in 1..=ATTEMPTS {
@@ -44,7 +56,11 @@ fn in_time(tool: impl Fn() -> Tool, name: &str, arguments: &[&str], check: impl 
         let program = solving(name, &solver, &session, arguments);
         let (code, said) = session.end_of(program);
         if said.contains("has not returned within 1 s") && attempt < ATTEMPTS {
-            assert_eq!((code, session.ramped()), (Some(10), Cause::Goodbye), "{said}");
+            assert_eq!(
+                (code, session.ramped()),
+                (Some(10), Cause::Goodbye),
+                "{said}"
+            );
             eprintln!("{name}, attempt {attempt}: {said}");
             session.quit();
             continue;
@@ -66,16 +82,28 @@ fn has_left(session: &mut Session, code: Option<i32>, said: &str) {
     assert_eq!(code, Some(0), "{said}");
     assert!(said.starts_with("left with Goodbye after "), "{said}");
     assert_eq!(session.ramped(), Cause::Goodbye);
-    let missed = session.obtained().iter().map(|row| row.state.counters.missed).max();
+    let missed = session
+        .obtained()
+        .iter()
+        .map(|row| row.state.counters.missed)
+        .max();
     assert_eq!(missed, Some(0));
 }
 
 fn constant_offset() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
     let arguments = ["--offset-um", "12.5,-7,0", "--states", "300"];
-    let program = example("constant_offset.py", &session.addresses(), &arguments).spawn().unwrap();
+    let program = example("constant_offset.py", &session.addresses(), &arguments)
+        .spawn()
+        .unwrap();
     left(&mut session, program);
-    let held = session.obtained().last().unwrap().state.axes.map(|axis| axis.offsets.position.0);
+    let held = session
+        .obtained()
+        .last()
+        .unwrap()
+        .state
+        .axes
+        .map(|axis| axis.offsets.position.0);
     assert_eq!(held, [12_500, -7_000, 0]);
     session.quit();
 }
@@ -83,25 +111,44 @@ fn constant_offset() {
 fn submit_only() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
     let arguments = ["--submit-only", "--states", "300"];
-    let program = example("constant_offset.py", &session.addresses(), &arguments).spawn().unwrap();
+    let program = example("constant_offset.py", &session.addresses(), &arguments)
+        .spawn()
+        .unwrap();
     let (code, said) = session.end_of(program);
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(session.ramped(), Cause::Goodbye);
     assert!(session.obtained().is_empty());
-    let shadows = session.rows.iter().map(|row| row.state.axes[0].shadow.position.0);
+    let shadows = session
+        .rows
+        .iter()
+        .map(|row| row.state.axes[0].shadow.position.0);
     assert_eq!(shadows.max(), Some(10_000));
     session.quit();
 }
 
 /// Force in x, N, and displacement of the tool by all axes, um.
-fn loaded(row: &Row<ARMS>) -> (f64, f64) {
+fn loaded(row: &TickRecord<ARMS>) -> (f64, f64) {
     let tool = row.tool.unwrap();
-    (tool.load[0], tool.displacement_m.iter().map(|along| along * along).sum::<f64>().sqrt() * 1e6)
+    (
+        tool.load[0],
+        tool.displacement_m
+            .iter()
+            .map(|along| along * along)
+            .sum::<f64>()
+            .sqrt()
+            * 1e6,
+    )
 }
 
-/// 300 N displace this machine by 195 um. What remains: three per cent of deviation of the springs, and 20 Hz of filtered noise.
+/// 300 N displace this machine by 195 um. What remains: three per cent of deviation of the springs,
+/// and 20 Hz of filtered noise.
 fn compensation() {
-    in_time(|| Tool::Steps(300.0, 0.5), "compensation.py", &["--states", "4000"], compensated);
+    in_time(
+        || Tool::Steps(300.0, 0.5),
+        "compensation.py",
+        &["--states", "4000"],
+        compensated,
+    );
 }
 
 fn compensated(session: &Session) {
@@ -112,33 +159,59 @@ fn compensated(session: &Session) {
     // The step itself is seen: the offsets follow it.
     let worst_um = rows.iter().map(|row| loaded(row).1).fold(0.0, f64::max);
     assert!(worst_um > 20.0, "{worst_um}");
-    let offsets_um = rows.last().unwrap().state.axes.map(|axis| f64::from(axis.offsets.position.0) * 1e-3);
+    let offsets_um = rows
+        .last()
+        .unwrap()
+        .state
+        .axes
+        .map(|axis| f64::from(axis.offsets.position.0) * 1e-3);
     // Of the robot file: what the nominal springs ask for at 300 N.
     for (offset, expected) in offsets_um.iter().zip([-189.0, -238.0, -149.0]) {
         assert!((offset - expected).abs() < 3.0, "{offsets_um:?}");
     }
 }
 
-/// 30 N, 60 N, then 2000 N, which are beyond the reach of 0.5 mm, and 30 N again: without anti-windup the integral of the third would take
-/// minutes to come back.
+/// 30 N, 60 N, then 2000 N, which are beyond the reach of 0.5 mm, and 30 N again: without
+/// anti-windup the integral of the third would take minutes to come back.
 fn force_control() {
-    let arguments = ["--forces", "30,60,2000,30", "--each", "1500", "--states", "6900"];
+    let arguments = [
+        "--forces",
+        "30,60,2000,30",
+        "--each",
+        "1500",
+        "--states",
+        "6900",
+    ];
     in_time(|| Tool::Above(2e5), "force_control.py", &arguments, settled);
 }
 
 fn settled(session: &Session) {
     const EACH: usize = 1_500;
-    let forces: Vec<f64> = session.obtained().iter().map(|row| row.tool.unwrap().load[2]).collect();
+    let forces: Vec<f64> = session
+        .obtained()
+        .iter()
+        .map(|row| row.tool.unwrap().load[2])
+        .collect();
     for (phase, expected_n) in [(1, 30.0), (2, 60.0)] {
         let settled = &forces[EACH * phase - 200..EACH * phase - 5];
-        assert!(settled.iter().all(|force| (force - expected_n).abs() < 0.5), "{expected_n}: {settled:?}");
+        assert!(
+            settled.iter().all(|force| (force - expected_n).abs() < 0.5),
+            "{expected_n}: {settled:?}"
+        );
     }
     let reach = forces[EACH * 3 - 5];
     assert!((70.0..100.0).contains(&reach), "{reach}");
     // 500 ticks after the last set point, and at the end: the third did not wind up.
     for tick in [EACH * 3 + 700, forces.len() - 1] {
-        assert!((forces[tick] - 30.0).abs() < 0.5, "{tick}: {}", forces[tick]);
+        assert!(
+            (forces[tick] - 30.0).abs() < 0.5,
+            "{tick}: {}",
+            forces[tick]
+        );
     }
-    let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+    let steps = forces
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .fold(0.0, f64::max);
     assert!(steps < 5.0, "the force does not jump: {steps} N");
 }

@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use gantry_tau_core::control::client::GOODBYE_STATES;
 use gantry_tau_core::control::message::{
-    AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage, State, Welcome,
+    AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage, State,
+    Welcome,
 };
 use gantry_tau_core::control::wire::encode_server;
 use gantry_tau_core::units::{Epoch, Sequence, Tick};
@@ -26,13 +27,25 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ("the_end_by_the_server_is_told", stopped),
     ("ctrl_c_leaves_with_goodbye", interrupted),
     ("ctrl_c_before_the_welcome_leaves", interrupted_early),
-    ("an_end_by_the_server_is_told_beside_the_own_goodbye", ended_beside_goodbye),
-    ("servers_that_are_gone_or_talk_nonsense_are_told", strange_servers),
-    ("servers_that_drip_or_hear_no_goodbye_are_left", slow_servers),
+    (
+        "an_end_by_the_server_is_told_beside_the_own_goodbye",
+        ended_beside_goodbye,
+    ),
+    (
+        "servers_that_are_gone_or_talk_nonsense_are_told",
+        strange_servers,
+    ),
+    (
+        "servers_that_drip_or_hear_no_goodbye_are_left",
+        slow_servers,
+    ),
     ("a_server_of_six_axes_is_asked_again", six_axes),
     ("constants_are_those_of_the_core", constants),
     ("sensors_that_are_gone_or_silent_are_told", strange_sensors),
-    ("every_case_of_the_shared_list_ends_as_it_says", shared_cases),
+    (
+        "every_case_of_the_shared_list_ends_as_it_says",
+        shared_cases,
+    ),
 ];
 
 /// Lengths of frames of a client with three axes, bytes.
@@ -48,7 +61,13 @@ fn second() {
     session.until("Obtain", |row| row.state.phase == Phase::Obtain);
     let newcomer = failures::start(&session, HOLD, "");
     let (code, said) = session.end_of(newcomer);
-    assert_eq!((code, said.as_str()), (Some(4), "gantry_tau: refused: another client owns the session\n"));
+    assert_eq!(
+        (code, said.as_str()),
+        (
+            Some(4),
+            "gantry_tau: refused: another client owns the session\n"
+        )
+    );
     assert_eq!(session.rows.last().unwrap().state.phase, Phase::Obtain);
     failures::signal(&owner, "-INT");
     assert_eq!(session.end_of(owner).0, Some(0));
@@ -58,10 +77,18 @@ fn second() {
 fn stopped() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
     let owner = failures::start(&session, HOLD, "");
-    session.until("an offset", |row| row.state.axes[0].offsets.position.0 == 20_000);
+    session.until("an offset", |row| {
+        row.state.axes[0].offsets.position.0 == 20_000
+    });
     session.press_stop();
     let (code, said) = session.end_of(owner);
-    assert_eq!((code, said.as_str()), (Some(6), "gantry_tau: the server ended the session: stopped\n"));
+    assert_eq!(
+        (code, said.as_str()),
+        (
+            Some(6),
+            "gantry_tau: the server ended the session: stopped\n"
+        )
+    );
     assert_eq!(session.ramped(), Cause::Stop);
     session.quit();
 }
@@ -69,7 +96,9 @@ fn stopped() {
 fn interrupted() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
     let owner = failures::start(&session, HOLD, "");
-    session.until("an offset", |row| row.state.axes[0].offsets.position.0 == 20_000);
+    session.until("an offset", |row| {
+        row.state.axes[0].offsets.position.0 == 20_000
+    });
     failures::signal(&owner, "-INT");
     let (code, said) = session.end_of(owner);
     assert_eq!(code, Some(0), "{said}");
@@ -80,7 +109,11 @@ fn interrupted() {
 
 /// The constant offset with these arguments.
 fn constant_offset(arguments: &[&str]) -> Child {
-    python().arg(folder().join("examples/constant_offset.py")).args(arguments).spawn().unwrap()
+    python()
+        .arg(folder().join("examples/constant_offset.py"))
+        .args(arguments)
+        .spawn()
+        .unwrap()
 }
 
 fn interrupted_early() {
@@ -90,15 +123,23 @@ fn interrupted_early() {
     stream.read_exact(&mut [0; HELLO]).unwrap();
     failures::signal(&program, "-INT");
     let output = program.wait_with_output().unwrap();
-    let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
-    assert_eq!((output.status.code(), said.as_str()), (Some(0), "left before a session was granted\n"));
+    let said = [output.stdout, output.stderr]
+        .map(|bytes| String::from_utf8(bytes).unwrap())
+        .concat();
+    assert_eq!(
+        (output.status.code(), said.as_str()),
+        (Some(0), "left before a session was granted\n")
+    );
 }
 
 /// The server ends the session for another reason while the Goodbye is on its way.
 fn ended_beside_goodbye() {
-    let live = |tick| state(tick, Phase::Handshake, Cause::None);
     let over = state(8, Phase::SafeDisconnect, Cause::ClientLate);
-    let script = vec![(HELLO, [granted(), live(6)].concat()), (COMMAND, live(7)), (COMMAND + GOODBYE, over)];
+    let script = vec![
+        (HELLO, [granted(), live(6)].concat()),
+        (COMMAND, live(7)),
+        (COMMAND + GOODBYE, over),
+    ];
     let (code, said) = end(&[&answering(script), "--states", "2"]);
     let words = "gantry_tau: the server ended the session: no command arrived before two consecutive deadlines\n";
     assert_eq!((code, said.as_str()), (Some(6), words));
@@ -107,11 +148,18 @@ fn ended_beside_goodbye() {
 /// Runs the constant offset to its end; returns exit code and sentence.
 fn end(arguments: &[&str]) -> (Option<i32>, String) {
     let output = constant_offset(arguments).wait_with_output().unwrap();
-    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    (
+        output.status.code(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
 }
 
-/// A server that reads so many bytes and answers with others, again and again, and then does something else.
-fn scripted(script: Vec<(usize, Vec<u8>)>, then: impl FnOnce(TcpStream) + Send + 'static) -> String {
+/// A server that reads so many bytes and answers with others, again and again, and then does
+/// something else.
+fn scripted(
+    script: Vec<(usize, Vec<u8>)>,
+    then: impl FnOnce(TcpStream) + Send + 'static,
+) -> String {
     let listener = TcpListener::bind(LOOPBACK).unwrap();
     let address = listener.local_addr().unwrap().to_string();
     std::thread::spawn(move || {
@@ -160,6 +208,11 @@ fn granted() -> Vec<u8> {
     encode_server(&ServerMessage::<3>::Welcome(welcome)).to_vec()
 }
 
+/// A State of a session.
+fn live(tick: u64) -> Vec<u8> {
+    state(tick, Phase::Handshake, Cause::None)
+}
+
 /// A State of that session.
 fn state(tick: u64, phase: Phase, cause: Cause) -> Vec<u8> {
     let state = State {
@@ -178,50 +231,105 @@ fn state(tick: u64, phase: Phase, cause: Cause) -> Vec<u8> {
 }
 
 fn strange_servers() {
-    let refusal = encode_server(&ServerMessage::<3>::Refusal(Refusal::Ramping { ticks_left: 17 }));
+    let refusal = encode_server(&ServerMessage::<3>::Refusal(Refusal::Ramping {
+        ticks_left: 17,
+    }));
     let mut broken = refusal.to_vec();
     broken[7] ^= 1;
     let granted = granted();
     let live = state(6, Phase::Handshake, Cause::None);
     let again = [&granted[..], &live, &live].concat();
     // All at once, as a client reads them that was not scheduled: not the controller is to blame.
-    let late = [&granted[..], &live, &state(7, Phase::SafeDisconnect, Cause::ClientLate)].concat();
+    let late = [
+        &granted[..],
+        &live,
+        &state(7, Phase::SafeDisconnect, Cause::ClientLate),
+    ]
+    .concat();
     let cases: [(Vec<u8>, i32, &str); 9] = [
-        (granted.clone(), 7, "the server vanished: it closed the connection"),
-        (late, 6, "the server ended the session: no command arrived before two consecutive deadlines"),
-        ([&granted[..], &live].concat(), 7, "the server vanished: it closed the connection"),
-        (again, 5, "expected a State of epoch 1 and tick 7 or later, got epoch 1, tick 6"),
-        (Vec::new(), 7, "the server vanished: it closed the connection"),
-        (refusal.to_vec(), 4, "refused: offsets are still ramping to zero; try again in 17 ticks"),
-        (broken, 5, "incompatible server: the stream is broken (the checksum does not match)"),
-        (b"HTTP/1.1 400 Bad Request".to_vec(), 5, "incompatible server: the stream is broken (magic b'HT'"),
-        (refusal[..7].to_vec(), 7, "the server vanished: it closed the connection"),
+        (
+            granted.clone(),
+            7,
+            "the server vanished: it closed the connection",
+        ),
+        (
+            late,
+            6,
+            "the server ended the session: no command arrived before two consecutive deadlines",
+        ),
+        (
+            [&granted[..], &live].concat(),
+            7,
+            "the server vanished: it closed the connection",
+        ),
+        (
+            again,
+            5,
+            "expected a State of epoch 1 and tick 7 or later, got epoch 1, tick 6",
+        ),
+        (
+            Vec::new(),
+            7,
+            "the server vanished: it closed the connection",
+        ),
+        (
+            refusal.to_vec(),
+            4,
+            "refused: offsets are still ramping to zero; try again in 17 ticks",
+        ),
+        (
+            broken,
+            5,
+            "incompatible server: the stream is broken (the checksum does not match)",
+        ),
+        (
+            b"HTTP/1.1 400 Bad Request".to_vec(),
+            5,
+            "incompatible server: the stream is broken (magic b'HT'",
+        ),
+        (
+            refusal[..7].to_vec(),
+            7,
+            "the server vanished: it closed the connection",
+        ),
     ];
     for (answer, code, words) in cases {
         let (found, said) = end(&[&answering(vec![(HELLO, answer)])]);
         assert_eq!(found, Some(code), "{said}");
         assert!(said.contains(words) && said.lines().count() == 1, "{said}");
     }
-    let gone = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap().to_string();
+    let gone = TcpListener::bind(LOOPBACK)
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .to_string();
     for address in [gone.as_str(), "127.0.0.1", "127.0.0.1:none"] {
         let (code, said) = end(&[address]);
         assert_eq!(code, Some(3), "{said}");
-        assert!(said.contains(&format!("the server at {address} cannot be reached: ")), "{said}");
+        assert!(
+            said.contains(&format!("the server at {address} cannot be reached: ")),
+            "{said}"
+        );
         assert_eq!(said.lines().count(), 1, "{said}");
     }
 }
 
 /// Time passes, and bytes come, but no whole State and no end of the session.
 fn slow_servers() {
-    let live = |tick| state(tick, Phase::Handshake, Cause::None);
-    // Longer than the wait of 3 s, at 20 ms for a byte or a State, and not as long as the frame that has begun.
+    // Longer than the wait of 3 s, at 20 ms for a byte or a State, and not as long as the frame
+    // that has begun.
     let dripped = [0; 200];
     let welcome = [&granted()[..], &live(6)].concat();
     let header_of_a_state = live(7)[..6].to_vec();
     let states: Vec<u8> = (9..4_000).flat_map(live).collect();
     let length = live(9).len();
     for (script, rest, piece, words) in [
-        (vec![(HELLO, granted()[..6].to_vec())], dripped[..165].to_vec(), 1, "the server vanished: it does not answer"),
+        (
+            vec![(HELLO, granted()[..6].to_vec())],
+            dripped[..165].to_vec(),
+            1,
+            "the server vanished: it does not answer",
+        ),
         (
             vec![(HELLO, welcome.clone()), (COMMAND, header_of_a_state)],
             dripped.to_vec(),
@@ -229,7 +337,11 @@ fn slow_servers() {
             "the server vanished: it has been silent for too long",
         ),
         (
-            vec![(HELLO, welcome), (COMMAND, live(7)), (COMMAND + GOODBYE, live(8))],
+            vec![
+                (HELLO, welcome),
+                (COMMAND, live(7)),
+                (COMMAND + GOODBYE, live(8)),
+            ],
             states,
             length,
             "the server vanished: it has not acknowledged the Goodbye within 100 States",
@@ -245,7 +357,17 @@ fn slow_servers() {
 fn six_axes() {
     let state = tempfile::tempdir().unwrap();
     let mut serve = Command::new(program::build());
-    serve.args(["serve", "--robot", "f1", "--pace", "lockstep", "--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"]);
+    serve.args([
+        "serve",
+        "--robot",
+        "f1",
+        "--pace",
+        "lockstep",
+        "--listen",
+        "127.0.0.1:0",
+        "--sensor",
+        "127.0.0.1:0",
+    ]);
     let recording = state.path().join("run.csv");
     serve
         .arg("--record")
@@ -256,39 +378,72 @@ fn six_axes() {
         .stderr(Stdio::null());
     let mut server = serve.spawn().unwrap();
     let mut lines = BufReader::new(server.stdout.take().unwrap()).lines();
-    let listening = lines.find_map(|line| Some(line.unwrap().split_once("listening on ")?.1.to_owned())).unwrap();
+    let listening = lines
+        .find_map(|line| Some(line.unwrap().split_once("listening on ")?.1.to_owned()))
+        .unwrap();
     let address = listening.split_once(',').unwrap().0;
-    let program = constant_offset(&[address, "--offset-um", "1,2,3,4,5,6", "--states", &failures::STATES.to_string()]);
+    let program = constant_offset(&[
+        address,
+        "--offset-um",
+        "1,2,3,4,5,6",
+        "--states",
+        &failures::STATES.to_string(),
+    ]);
     let output = program.wait_with_output().unwrap();
-    let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
+    let said = [output.stdout, output.stderr]
+        .map(|bytes| String::from_utf8(bytes).unwrap())
+        .concat();
     failures::signal(&server, "-TERM");
     assert_eq!(server.wait().unwrap().code(), Some(0));
     let [heard] = failures::counted(&said, ["left with Goodbye after "]);
-    assert!(said.contains("States (0 with a saturated target); "), "{said}");
+    assert!(
+        said.contains("States (0 with a saturated target); "),
+        "{said}"
+    );
     let phases = phases(&recording);
-    let is_live = |phase: &String| ["Handshake", "Submit", "Obtain"].contains(&phase.as_str());
-    failures::assert_heard(phases.iter().map(is_live), heard);
+    let live = phases
+        .iter()
+        .map(|phase| ["Handshake", "Submit", "Obtain"].contains(&phase.as_str()));
+    failures::assert_heard(live, heard);
 }
 
 /// Phases of a recording, row by row.
 fn phases(recording: &Path) -> Vec<String> {
     let csv = std::fs::read_to_string(recording).unwrap();
     let mut rows = csv.lines().map(|line| line.split(','));
-    let column = rows.next().unwrap().position(|name| name == "state").unwrap();
-    rows.map(|mut row| row.nth(column).unwrap().to_owned()).collect()
+    let column = rows
+        .next()
+        .unwrap()
+        .position(|name| name == "state")
+        .unwrap();
+    rows.map(|mut row| row.nth(column).unwrap().to_owned())
+        .collect()
 }
 
 /// Numbers and texts of the client in Python.
 fn constants() {
     let script = "import sys, json; sys.path.insert(0, sys.argv[1]); import gantry_tau as g
 print(json.dumps([g.PHASES, g.CAUSES, g.LIVE, g.GOODBYE_STATES, g.SILENCE_S, g.SAMPLE_STATES, g.FIRST_SAMPLE_STATES, g.CEILING_NM]))";
-    let output = python().args(["-c", script]).arg(folder()).output().unwrap();
+    let output = python()
+        .args(["-c", script])
+        .arg(folder())
+        .output()
+        .unwrap();
     let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let phases: Vec<&str> = Phase::ALL.iter().map(|phase| phase.name()).collect();
     let causes: Vec<String> = Cause::ALL.iter().map(Cause::to_string).collect();
     let live = ["Handshake", "Submit", "Obtain"];
     // The last four are private to the client in Rust: seconds, States, States, nm.
-    let expected = serde_json::json!([phases, causes, live, GOODBYE_STATES, 3.0, 100, 3_000, 10_000_000]);
+    let expected = serde_json::json!([
+        phases,
+        causes,
+        live,
+        GOODBYE_STATES,
+        3.0,
+        100,
+        3_000,
+        10_000_000
+    ]);
     assert_eq!(found, expected);
 }
 
@@ -302,10 +457,20 @@ fn shared_cases() {
     );
     for case in &cases.cases {
         let (address, serving) = cases.serve(case);
-        let client = python().args(["-c", &program]).arg(folder()).arg(address.to_string()).output().unwrap();
+        let client = python()
+            .args(["-c", &program])
+            .arg(folder())
+            .arg(address.to_string())
+            .output()
+            .unwrap();
         let sent = serving.join().unwrap();
         let said = String::from_utf8(client.stderr).unwrap();
-        Cases::check(case, u8::try_from(client.status.code().unwrap()).unwrap(), &said, &sent);
+        Cases::check(
+            case,
+            u8::try_from(client.status.code().unwrap()).unwrap(),
+            &said,
+            &sent,
+        );
     }
 }
 
@@ -332,16 +497,41 @@ impl Sensor {
     }
 }
 
+/// Record of a sensor with one value in all components.
+fn record(tick: u64, value: f64) -> Vec<u8> {
+    [&tick.to_le_bytes()[..], &[value.to_le_bytes(); 6].concat()].concat()
+}
+
+fn flood(tick: u64, value: f64) -> Sensor {
+    Sensor::Floods(record(tick, value).repeat(10_000))
+}
+
 fn strange_sensors() {
-    let record = |tick: u64, value: f64| [&tick.to_le_bytes()[..], &[value.to_le_bytes(); 6].concat()].concat();
-    let flood = |tick, value| Sensor::Floods(record(tick, value).repeat(10_000));
     for (sensor, words) in [
-        (Sensor::Closes, "no force samples: the connection was closed"),
-        (Sensor::Sends(Vec::new()), "no force samples: no usable one has come for too long"),
-        (Sensor::Sends(record(7, f64::NAN)), "no force samples: no usable one has come for too long"),
-        (Sensor::Sends(record(u64::MAX, 0.0)), "no force samples: their ticks are not the server's"),
-        (flood(7, f64::NAN), "no force samples: no usable one has come for too long"),
-        (flood(u64::MAX, 0.0), "no force samples: their ticks are not the server's"),
+        (
+            Sensor::Closes,
+            "no force samples: the connection was closed",
+        ),
+        (
+            Sensor::Sends(Vec::new()),
+            "no force samples: no usable one has come for too long",
+        ),
+        (
+            Sensor::Sends(record(7, f64::NAN)),
+            "no force samples: no usable one has come for too long",
+        ),
+        (
+            Sensor::Sends(record(u64::MAX, 0.0)),
+            "no force samples: their ticks are not the server's",
+        ),
+        (
+            flood(7, f64::NAN),
+            "no force samples: no usable one has come for too long",
+        ),
+        (
+            flood(u64::MAX, 0.0),
+            "no force samples: their ticks are not the server's",
+        ),
     ] {
         let mut session = Session::new(Tool::Steps(0.0, 1.0));
         let listener = TcpListener::bind(LOOPBACK).unwrap();

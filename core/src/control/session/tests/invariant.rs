@@ -22,9 +22,14 @@ fn in_phase(phase: Phase) -> Session<2> {
     bench.session
 }
 
-/// A channel at `value` after `change`, whatever its limits.
+/// A channel at `value` after `change`, under any limits.
 fn channel<U: ChannelUnit>(value: i32, change: i32) -> Channel<U> {
-    Channel::from_parts(U::saturating_from(value), change, &limits(i32::MAX, 1 << 30, i32::MAX, 1)).unwrap()
+    Channel::from_parts(
+        U::saturating_from(value),
+        change,
+        &limits(i32::MAX, 1 << 30, i32::MAX, 1),
+    )
+    .unwrap()
 }
 
 /// One clause broken at a time, all others kept.
@@ -38,7 +43,9 @@ fn every_clause_of_the_invariant_counts() {
         (Obtain, |parts| parts.discrete.owner = None),
         (Obtain, |parts| parts.discrete.misses = 1),
         (Submit, |parts| parts.discrete.history = 1),
-        (Submit, |parts| (parts.discrete.misses, parts.discrete.history) = (2, 2)),
+        (Submit, |parts| {
+            (parts.discrete.misses, parts.discrete.history) = (2, 2)
+        }),
         (Handshake, |parts| parts.discrete.misses = 1),
         (Handshake, |parts| parts.discrete.waited = 1_000),
         (Handshake, |parts| parts.discrete.history = 2),
@@ -46,29 +53,56 @@ fn every_clause_of_the_invariant_counts() {
         (Listening, |parts| parts.discrete.rearm_released = true),
         (SafeDisconnect, |parts| parts.discrete.latched = true),
         (Obtain, |parts| parts.withheld = true),
-        (Obtain, |parts| parts.axes[0].channels.position = channel(1_000_001, 0)),
-        (Obtain, |parts| parts.axes[1].channels.position = channel(0, 5_001)),
-        (Obtain, |parts| parts.axes[1].channels.velocity = channel(1_001, 0)),
-        (Obtain, |parts| parts.axes[1].channels.torque = channel(101, 0)),
-        (Submit, |parts| parts.axes[1].shadow.position = channel(-1_000_001, 0)),
-        (Submit, |parts| parts.axes[1].shadow.velocity = channel(0, 101)),
-        (Submit, |parts| parts.axes[1].shadow.torque = channel(0, -11)),
-        (Submit, |parts| parts.axes[1].channels.position = channel(1, 0)),
-        (Handshake, |parts| parts.axes[1].channels.torque = channel(0, 1)),
-        (Obtain, |parts| parts.axes[1].shadow.velocity = channel(1, 0)),
+        (Obtain, |parts| {
+            parts.axes[0].channels.position = channel(1_000_001, 0)
+        }),
+        (Obtain, |parts| {
+            parts.axes[1].channels.position = channel(0, 5_001)
+        }),
+        (Obtain, |parts| {
+            parts.axes[1].channels.velocity = channel(1_001, 0)
+        }),
+        (Obtain, |parts| {
+            parts.axes[1].channels.torque = channel(101, 0)
+        }),
+        (Submit, |parts| {
+            parts.axes[1].shadow.position = channel(-1_000_001, 0)
+        }),
+        (Submit, |parts| {
+            parts.axes[1].shadow.velocity = channel(0, 101)
+        }),
+        (Submit, |parts| {
+            parts.axes[1].shadow.torque = channel(0, -11)
+        }),
+        (Submit, |parts| {
+            parts.axes[1].channels.position = channel(1, 0)
+        }),
+        (Handshake, |parts| {
+            parts.axes[1].channels.torque = channel(0, 1)
+        }),
+        (Obtain, |parts| {
+            parts.axes[1].shadow.velocity = channel(1, 0)
+        }),
     ];
     for (index, (phase, spoil)) in breaks.into_iter().enumerate() {
         let session = in_phase(phase);
         let mut parts = *session.parts();
         assert_eq!(Session::from_parts(*session.config(), parts), Some(session));
         spoil(&mut parts);
-        assert_eq!(Session::from_parts(*session.config(), parts), None, "{index}, in {phase:?}");
+        assert_eq!(
+            Session::from_parts(*session.config(), parts),
+            None,
+            "{index}, in {phase:?}"
+        );
     }
 }
 
 #[test]
 fn a_session_is_live_from_its_grant_to_its_end() {
-    let live = |phase| in_phase(phase).is_live();
-    assert!([Handshake, Submit, Obtain].into_iter().all(live));
-    assert!(![Listening, SafeDisconnect, Fault].into_iter().any(live));
+    for phase in [Handshake, Submit, Obtain] {
+        assert!(in_phase(phase).is_live(), "{phase:?}");
+    }
+    for phase in [Listening, SafeDisconnect, Fault] {
+        assert!(!in_phase(phase).is_live(), "{phase:?}");
+    }
 }

@@ -2,7 +2,10 @@
 
 use super::super::cursor::{Short, Writer};
 use super::super::frame::{Frame, FrameBytes, Kind, enclose};
-use super::{Body, ContentError, OFFSETS, axes_byte, check_axes, check_reserved, read_offsets, reader, write_offsets};
+use super::{
+    Body, ContentError, OFFSETS, axes_byte, check_axes, check_reserved, read_offsets, reader,
+    write_offsets,
+};
 use crate::control::axis::Offsets;
 use crate::control::message::{Capabilities, ClientMessage, Command, Hello, Mode};
 use crate::units::{Epoch, Sequence, Tick};
@@ -63,7 +66,9 @@ impl<const N: usize> Body for Command<N> {
         w.u8(self.mode.code())?;
         w.u8(axes_byte::<N>())?;
         w.u16(0)?;
-        self.targets.iter().try_for_each(|target| write_offsets(&mut w, target))
+        self.targets
+            .iter()
+            .try_for_each(|target| write_offsets(&mut w, target))
     }
 
     fn read(body: &[u8]) -> Result<Self, ContentError> {
@@ -79,6 +84,12 @@ impl<const N: usize> Body for Command<N> {
         for target in &mut targets {
             *target = read_offsets(&mut r)?;
         }
-        Ok(Self { epoch, sequence, echo, mode, targets })
+        Ok(Self {
+            epoch,
+            sequence,
+            echo,
+            mode,
+            targets,
+        })
     }
 }

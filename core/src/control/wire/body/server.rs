@@ -2,11 +2,15 @@
 
 use super::super::cursor::{Reader, Short, Writer};
 use super::super::frame::{Frame, FrameBytes, Kind, enclose};
-use super::{Body, ContentError, OFFSETS, axes_byte, check_axes, check_reserved, read_offsets, reader, write_offsets};
+use super::{
+    Body, ContentError, OFFSETS, axes_byte, check_axes, check_reserved, read_offsets, reader,
+    write_offsets,
+};
 use crate::control::axis::Actual;
 use crate::control::channel::{LimitValues, Limits};
 use crate::control::message::{
-    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage, State, Welcome,
+    AxisFlags, AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage,
+    State, Welcome,
 };
 use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
@@ -44,7 +48,12 @@ pub fn encode_state<const N: usize>(state: &State<N>) -> FrameBytes {
 const LIMITS: usize = 4 * 4;
 
 fn read_limits<U>(r: &mut Reader<'_>) -> Result<Limits<U>, ContentError> {
-    let values = LimitValues { max: r.i32()?, step: r.i32()?, accel: r.i32()?, ramp: r.i32()? };
+    let values = LimitValues {
+        max: r.i32()?,
+        step: r.i32()?,
+        accel: r.i32()?,
+        ramp: r.i32()?,
+    };
     Limits::new(values).map_err(|_| ContentError::Limits)
 }
 
@@ -90,7 +99,15 @@ impl<const N: usize> Body for Welcome<N> {
             axis.velocity = read_limits(&mut r)?;
             axis.torque = read_limits(&mut r)?;
         }
-        Ok(Self { epoch, tick, cycle_us, echo_window, capabilities, kinematics_checksum, limits })
+        Ok(Self {
+            epoch,
+            tick,
+            cycle_us,
+            echo_window,
+            capabilities,
+            kinematics_checksum,
+            limits,
+        })
     }
 }
 
@@ -118,7 +135,9 @@ impl Body for Refusal {
             3 => Self::Faulted { ticks_left },
             4 => Self::Version { supported: detail },
             5 => Self::Axes { expected: detail },
-            6 => Self::Capability { needed: Capabilities(bits) },
+            6 => Self::Capability {
+                needed: Capabilities(bits),
+            },
             7 => Self::Unavailable,
             received => return Err(ContentError::Code { received }),
         };
@@ -144,7 +163,10 @@ const fn refusal_fields(refusal: Refusal) -> (u8, u8, u16, u32) {
 }
 
 /// Reads one byte as a code.
-fn read_code<T>(r: &mut Reader<'_>, from_code: impl FnOnce(u8) -> Option<T>) -> Result<T, ContentError> {
+fn read_code<T>(
+    r: &mut Reader<'_>,
+    from_code: impl FnOnce(u8) -> Option<T>,
+) -> Result<T, ContentError> {
     let received = r.u8()?;
     from_code(received).ok_or(ContentError::Code { received })
 }
@@ -165,6 +187,7 @@ fn read_counters(r: &mut Reader<'_>) -> Result<Counters, Short> {
     })
 }
 
+#[inline]
 fn write_counters(w: &mut Writer<'_>, counters: &Counters) -> Result<(), Short> {
     w.u32(counters.received)?;
     w.u32(counters.missed)?;
@@ -186,13 +209,24 @@ fn read_axis(r: &mut Reader<'_>) -> Result<AxisState, ContentError> {
     let nominal = PositionNm(r.i64()?);
     let offsets = read_offsets(r)?;
     let shadow = read_offsets(r)?;
-    let actual =
-        Actual { position: PositionNm(r.i64()?), velocity: VelocityUmS(r.i32()?), torque: TorquePermille(r.i16()?) };
+    let actual = Actual {
+        position: PositionNm(r.i64()?),
+        velocity: VelocityUmS(r.i32()?),
+        torque: TorquePermille(r.i16()?),
+    };
     let flags = AxisFlags::from_bits(r.u8()?).ok_or(ContentError::Reserved)?;
     check_reserved(u16::from(r.u8()?))?;
-    Ok(AxisState { nominal, offsets, shadow, actual, flags })
+    Ok(AxisState {
+        nominal,
+        offsets,
+        shadow,
+        actual,
+        flags,
+    })
 }
 
+// Out of line, this and `write_counters` are a fourteenth of a tick of the server.
+#[inline]
 fn write_axis(w: &mut Writer<'_>, axis: &AxisState) -> Result<(), Short> {
     w.i64(axis.nominal.0)?;
     write_offsets(w, &axis.offsets)?;
@@ -219,7 +253,9 @@ impl<const N: usize> Body for State<N> {
         w.u32(self.ramp_ticks_left)?;
         w.u16(self.arrival_us)?;
         write_counters(&mut w, &self.counters)?;
-        self.axes.iter().try_for_each(|axis| write_axis(&mut w, axis))
+        self.axes
+            .iter()
+            .try_for_each(|axis| write_axis(&mut w, axis))
     }
 
     fn read(body: &[u8]) -> Result<Self, ContentError> {
@@ -238,6 +274,17 @@ impl<const N: usize> Body for State<N> {
         for axis in &mut axes {
             *axis = read_axis(&mut r)?;
         }
-        Ok(Self { tick, epoch, accepted, phase, cause, on_time_of_100, arrival_us, ramp_ticks_left, counters, axes })
+        Ok(Self {
+            tick,
+            epoch,
+            accepted,
+            phase,
+            cause,
+            on_time_of_100,
+            arrival_us,
+            ramp_ticks_left,
+            counters,
+            axes,
+        })
     }
 }

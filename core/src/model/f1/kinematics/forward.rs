@@ -13,26 +13,28 @@ use crate::model::robot::LINKS;
 const SYNCHRONISED_TOLERANCE: f64 = 1e-9;
 
 impl Kinematics {
-    /// Forward kinematics without a seed: from the synchronised form, whatever the plates do. Where they turn together
-    /// (`q_4 = -q_5` for drives of opposite signs) that form is the solution, and no iteration is needed unless
-    /// the links of a cluster are parallel only to the tolerance.
+    /// Forward kinematics without a seed: from the synchronised form, for any angles of the plates.
+    /// Where they turn together (`q_4 = -q_5` for drives of opposite signs) that form is the
+    /// solution, and no iteration is needed unless the links of a cluster are parallel only to the
+    /// tolerance.
     ///
     /// # Errors
-    /// `SeedRequired` where the machine has no such form (`b_22 - b_21` is not parallel to `a_6`, or the links of a cluster do not
-    /// run parallel), `NoAssembly` where the links cannot meet, else as
-    /// [`forward_from`](Self::forward_from).
+    /// `SeedRequired` where the machine has no such form (`b_22 - b_21` is not parallel to `a_6`,
+    /// or the links of a cluster do not run parallel), `NoAssembly` where the links cannot meet,
+    /// else as [`forward_from`](Self::forward_from).
     pub fn forward(&self, q: &[f64; AXES]) -> Result<Solution<Pose>, KinematicsError> {
         let start = self.start(q)?;
         self.forward_from(q, &start, COLD_ITERATIONS)
     }
 
-    /// Forward kinematics from a pose nearby: Newton on the group, `T <- T + dT`, `R <- exp(dtheta) R`, with
-    /// `[w; l x w] (dT, dtheta) = (|w|^2 - L^2) / 2` per link. At most `iterations` linear solves
-    /// ([`WARM_ITERATIONS`](crate::model::kinematics::WARM_ITERATIONS), [`COLD_ITERATIONS`]).
+    /// Forward kinematics from a pose nearby: Newton on the group, `T <- T + dT`,
+    /// `R <- exp(dtheta) R`, with `[w; l x w] (dT, dtheta) = (|w|^2 - L^2) / 2` per link. At most
+    /// `iterations` linear solves ([`WARM_ITERATIONS`](crate::model::kinematics::WARM_ITERATIONS),
+    /// [`COLD_ITERATIONS`]).
     ///
     /// # Errors
-    /// `NotConverged`, `Singular`, `OutOfRange`, `NotFinite`; `OtherBranch` where the solution is not in the seed's
-    /// assembly mode (`arm: None`), or an arm not on its side.
+    /// `NotConverged`, `Singular`, `OutOfRange`, `NotFinite`; `OtherBranch` where the solution is
+    /// not in the seed's assembly mode (`arm: None`), or an arm not on its side.
     pub fn forward_from(
         &self,
         q: &[f64; AXES],
@@ -51,13 +53,18 @@ impl Kinematics {
                 pose.rotation = orthonormal(&pose.rotation);
                 let (links_m, _) = self.links_and_levers(&pose, &joints);
                 let residual_m = self.check(&links_m, q, &self.robot.geometry().lengths_m, made)?;
-                return Ok(Solution { value: pose, iterations: made, residual_m });
+                return Ok(Solution {
+                    value: pose,
+                    iterations: made,
+                    residual_m,
+                });
             }
             let step = system.solve()?;
             if *mode.get_or_insert(step.det_is_negative) != step.det_is_negative {
                 return Err(KinematicsError::OtherBranch { arm: None });
             }
-            let turn = rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
+            let turn =
+                rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
             pose.position_m += step.translation_m;
             pose.rotation = product(&turn, &pose.rotation);
         }
@@ -65,11 +72,13 @@ impl Kinematics {
         Err(KinematicsError::NotFinite)
     }
 
-    /// As [`inverse`](Self::inverse), for a tool in the assembly mode of the synchronised form only, where there is one:
-    /// [`forward`](Self::forward) starts there, and cannot pass the singularity between two modes.
+    /// As [`inverse`](Self::inverse), for a tool in the assembly mode of the synchronised form
+    /// only, where there is one: [`forward`](Self::forward) starts there, and cannot pass the
+    /// singularity between two modes.
     ///
     /// # Errors
-    /// As [`inverse`](Self::inverse); `OtherBranch { arm: None }` in another mode, `Singular` between two.
+    /// As [`inverse`](Self::inverse); `OtherBranch { arm: None }` in another mode, `Singular`
+    /// between two.
     pub fn inverse_in_assembly(
         &self,
         pose: &Pose,
@@ -87,9 +96,9 @@ impl Kinematics {
         Ok(found)
     }
 
-    /// Pose of the synchronised form with plate 3 as it is (`[T 3.1.2]`: plates that turn together leave `R = Rot(a, theta) Rot(a_6, q_6)`, and
-    /// three spheres give `T`); a start where plate 2 is not in step.
-    /// Not inlined: a solution from a seed needs none of its stack.
+    /// Pose of the synchronised form with plate 3 as it is (`[T 3.1.2]`: plates that turn together
+    /// leave `R = Rot(a, theta) Rot(a_6, q_6)`, and three spheres give `T`); a start where plate 2
+    /// is not in step. Not inlined: a solution from a seed needs none of its stack.
     #[inline(never)]
     fn start(&self, q: &[f64; AXES]) -> Result<Pose, KinematicsError> {
         if !q.iter().all(|value| value.is_finite()) {
@@ -112,10 +121,15 @@ impl Kinematics {
             c2 + v2 * q2 + times(&turned, &p21) - times(&rotation, &b21),
             c3 + v3 * q3 + times(&rotation, &(p31 - b31)),
         ];
-        let poses = three_spheres(&centres, &[l1, l2, l3])?.map(|position_m| Pose { position_m, rotation });
+        let poses = three_spheres(&centres, &[l1, l2, l3])?.map(|position_m| Pose {
+            position_m,
+            rotation,
+        });
         let joints = self.plates.at(q).joints_m;
-        let sides = |pose: &Pose| self.on_their_sides(&self.links_and_levers(pose, &joints).0);
-        let [one, other] = poses.map(|pose| (sides(&pose), pose));
+        let [one, other] = poses.map(|pose| {
+            let (links_m, _) = self.links_and_levers(&pose, &joints);
+            (self.on_their_sides(&links_m), pose)
+        });
         match (one, other) {
             ((Ok(()), _), (Ok(()), _)) => Err(KinematicsError::SeedRequired),
             ((Ok(()), pose), _) | (_, (Ok(()), pose)) => Ok(pose),
@@ -129,12 +143,11 @@ impl Kinematics {
         let tolerance = SYNCHRONISED_TOLERANCE * self.size_m;
         let [_, p21, p22, p31, p32, p33] = geometry.plate_joints_m;
         let [_, b21, b22, b31, b32, b33] = geometry.platform_joints_m;
-        let along_tilt = |v: Vector3<f64>| norm(&v.cross(self.plates.tilt_axis())) <= tolerance;
-        let same = |p: Vector3<f64>, b: Vector3<f64>| norm(&(p - b)) <= tolerance;
-        along_tilt(b22 - b21)
-            && same(p22 - p21, b22 - b21)
-            && same(p32 - p31, b32 - b31)
-            && same(p33 - p31, b33 - b31)
+        let across_tilt = (b22 - b21).cross(self.plates.tilt_axis());
+        norm(&across_tilt) <= tolerance
+            && norm(&(p22 - p21 - (b22 - b21))) <= tolerance
+            && norm(&(p32 - p31 - (b32 - b31))) <= tolerance
+            && norm(&(p33 - p31 - (b33 - b31))) <= tolerance
             && equal_in_clusters(geometry, tolerance)
     }
 
@@ -152,15 +165,20 @@ impl Kinematics {
             surplus(w32, l32),
             surplus(w33, l33),
         ];
-        System { links_m, levers_m, surpluses }
+        System {
+            links_m,
+            levers_m,
+            surpluses,
+        }
     }
 }
 
 /// True if the links of each cluster are equally long.
 fn equal_in_clusters(geometry: &Geometry, tolerance_m: f64) -> bool {
     let [_, l21, l22, l31, l32, l33] = geometry.lengths_m;
-    let same = |one: f64, other: f64| (one - other).abs() <= tolerance_m;
-    same(l21, l22) && same(l31, l32) && same(l31, l33)
+    (l21 - l22).abs() <= tolerance_m
+        && (l31 - l32).abs() <= tolerance_m
+        && (l31 - l33).abs() <= tolerance_m
 }
 
 /// Nearest rotation, to second order in the deviation of `R`: one step of `R <- R (3 - R^T R) / 2`.
@@ -171,7 +189,10 @@ pub(super) fn orthonormal(rotation: &Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Returns both points at the given distances from three centres.
-fn three_spheres(centres_m: &[Vector3<f64>; 3], radii_m: &[f64; 3]) -> Result<[Vector3<f64>; 2], KinematicsError> {
+fn three_spheres(
+    centres_m: &[Vector3<f64>; 3],
+    radii_m: &[f64; 3],
+) -> Result<[Vector3<f64>; 2], KinematicsError> {
     let [p1, p2, p3] = centres_m;
     let [l1, l2, l3] = *radii_m;
     let (e1, e2) = (p2 - p1, p3 - p1);
@@ -187,7 +208,11 @@ fn three_spheres(centres_m: &[Vector3<f64>; 3], radii_m: &[f64; 3]) -> Result<[V
     }
     let height = normal * sqrt(height_squared);
     // Carts in one line leave a circle.
-    if !height.iter().chain(base.iter()).all(|value| value.is_finite()) {
+    if !height
+        .iter()
+        .chain(base.iter())
+        .all(|value| value.is_finite())
+    {
         return Err(KinematicsError::Singular { measure: 0.0 });
     }
     Ok([p1 + base + height, p1 + base - height])

@@ -1,4 +1,5 @@
-//! Inverse kinematics with fixed plates, from a tool position to the carts: three axes without the Tau property.
+//! Inverse kinematics with fixed plates, from a tool position to the carts: three axes without the
+//! Tau property.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -22,17 +23,21 @@ struct Step {
 }
 
 impl Kinematics {
-    /// Inverse kinematics of three axes: returns the positions that put the tool at `position_m` (world axes, metres), with plates fixed
-    /// at `plates` (`q_4`, `q_5`, `q_6`; zeros for a [`Geometry`](crate::model::f1::Geometry) made from an L2's). Also returns the
-    /// resulting pose; the links determine its orientation. The Tau property is not needed; a machine that has it does not turn.
+    /// Inverse kinematics of three axes: returns the positions that put the tool at `position_m`
+    /// (world axes, metres), with plates fixed at `plates` (`q_4`, `q_5`, `q_6`; zeros for a
+    /// [`Geometry`](crate::model::f1::Geometry) made from an L2's). Also returns the resulting
+    /// pose; the links determine its orientation. The Tau property is not needed; a machine that
+    /// has it does not turn.
     ///
-    /// The platform starts in the orientation `near`, carts where their first link just fits. At most `iterations` linear solves
+    /// The platform starts in the orientation `near`, carts where their first link just fits. At
+    /// most `iterations` linear solves
     /// ([`WARM_ITERATIONS`](crate::model::kinematics::WARM_ITERATIONS) from the cycle before,
     /// [`COLD_ITERATIONS`](crate::model::kinematics::COLD_ITERATIONS)).
     ///
     /// # Errors
-    /// `Unreachable`, `Singular`, `NotConverged`, `OutOfRange`, `NotFinite` (also for a `near` that is not a rotation); `OtherBranch` where
-    /// an arm or the platform (`arm: None`) would pass a singularity on the way.
+    /// `Unreachable`, `Singular`, `NotConverged`, `OutOfRange`, `NotFinite` (also for a `near` that
+    /// is not a rotation); `OtherBranch` where an arm or the platform (`arm: None`) would pass a
+    /// singularity on the way.
     pub fn inverse_fixed_plates(
         &self,
         position_m: &Vector3<f64>,
@@ -40,7 +45,10 @@ impl Kinematics {
         near: &Matrix3<f64>,
         iterations: u8,
     ) -> Result<Solution<([f64; AXES], Pose)>, KinematicsError> {
-        let mut pose = Pose { position_m: *position_m, rotation: *near };
+        let mut pose = Pose {
+            position_m: *position_m,
+            rotation: *near,
+        };
         if !is_pose(&pose) || !plates.iter().all(|value| value.is_finite()) {
             return Err(KinematicsError::NotFinite);
         }
@@ -55,8 +63,13 @@ impl Kinematics {
             if made == iterations || system.is_settled(&self.settled()) {
                 pose.rotation = orthonormal(&pose.rotation);
                 let (links_m, _) = self.links_and_levers(&pose, &joints);
-                let residual_m = self.check(&links_m, &q, &self.robot.geometry().lengths_m, made)?;
-                return Ok(Solution { value: (q, pose), iterations: made, residual_m });
+                let residual_m =
+                    self.check(&links_m, &q, &self.robot.geometry().lengths_m, made)?;
+                return Ok(Solution {
+                    value: (q, pose),
+                    iterations: made,
+                    residual_m,
+                });
             }
             self.on_their_sides(&system.links_m)?;
             let step = self.step_of_carts(&system)?;
@@ -66,7 +79,8 @@ impl Kinematics {
             for (cart, change) in carts.iter_mut().zip(step.carts) {
                 *cart += change;
             }
-            let turn = rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
+            let turn =
+                rotation_from_vector(&step.rotation_rad).ok_or(KinematicsError::NotFinite)?;
             pose.rotation = product(&turn, &pose.rotation);
         }
         // Not reached: the last round returns.
@@ -74,25 +88,28 @@ impl Kinematics {
     }
 
     /// Carts where links 11, 21 and 31 just fit.
-    fn first_carts(&self, pose: &Pose, &[q4, q5, q6]: &[f64; 3]) -> Result<[f64; ARMS], KinematicsError> {
+    fn first_carts(
+        &self,
+        pose: &Pose,
+        &[q4, q5, q6]: &[f64; 3],
+    ) -> Result<[f64; ARMS], KinematicsError> {
         let geometry = self.robot.geometry();
         let joints = self.plates.at(&[0.0, 0.0, 0.0, q4, q5, q6]).joints_m;
         let [a11, a21, _, a31, ..] = joints;
         let [b11, b21, _, b31, ..] = self.ends_m(pose);
         let [l11, l21, _, l31, ..] = geometry.lengths_m;
-        let ([v1, v2, v3], [c1, c2, c3]) = (&geometry.guideways, geometry.configuration);
-        let fit = |arm, from: Vector3<f64>, guideway, length, branch| {
-            let (q, along_squared) = cart(&from, guideway, length, branch);
-            if along_squared < 0.0 {
-                return Err(KinematicsError::Unreachable { arm });
-            }
-            Ok(q)
-        };
-        Ok([fit(0, b11 - a11, v1, l11, c1)?, fit(1, b21 - a21, v2, l21, c2)?, fit(2, b31 - a31, v3, l31, c3)?])
+        let [v1, v2, v3] = &geometry.guideways;
+        let [c1, c2, c3] = geometry.configuration;
+        Ok([
+            cart(0, &(b11 - a11), v1, l11, c1)?,
+            cart(1, &(b21 - a21), v2, l21, c2)?,
+            cart(2, &(b31 - a31), v3, l31, c3)?,
+        ])
     }
 
-    /// `e + (w . V) dq - m . dtheta = 0` for every link, with its surplus `e`: the carts are eliminated by links 11, 21, 31, and with `a = w . V / w_1 . V`
-    /// three equations `(m - a m_1) . dtheta = e - a e_1` are left.
+    /// `e + (w . V) dq - m . dtheta = 0` for every link, with its surplus `e`: the carts are
+    /// eliminated by links 11, 21, 31, and with `a = w . V / w_1 . V` three equations
+    /// `(m - a m_1) . dtheta = e - a e_1` are left.
     fn step_of_carts(&self, system: &System) -> Result<Step, KinematicsError> {
         let [v1, v2, v3] = self.plates.guideways();
         let [s11, s21, s22, s31, s32, s33] = &system.links_m;

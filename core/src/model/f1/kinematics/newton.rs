@@ -22,7 +22,8 @@ pub(super) struct Answer<W, const K: usize> {
     pub(super) made: u8,
 }
 
-/// Solve for the unknowns that remove the errors to first order; `None` near a singularity, and for NaN.
+/// Solve for the unknowns that remove the errors to first order; `None` near a singularity, and for
+/// NaN.
 pub(super) trait Solve<const K: usize> {
     fn solve(&self) -> Option<[f64; K]>;
 }
@@ -35,7 +36,8 @@ impl Solve<2> for Equations<2> {
         let lengths_squared = (a * a + b * b) * (c * c + d * d);
         let least_squared = SINGULARITY_TOLERANCE * SINGULARITY_TOLERANCE * lengths_squared;
         let scale = 1.0 / determinant;
-        (determinant * determinant > least_squared).then_some([(d * e1 - b * e2) * scale, (a * e2 - c * e1) * scale])
+        (determinant * determinant > least_squared)
+            .then_some([(d * e1 - b * e2) * scale, (a * e2 - c * e1) * scale])
     }
 }
 
@@ -48,10 +50,11 @@ impl Solve<3> for Equations<3> {
     }
 }
 
-/// Returns unknowns for which every error is at most its `settled`, or those after [`COLD_ITERATIONS`] solves. The caller checks them.
+/// Returns unknowns for which every error is at most its `settled`, or those after
+/// [`COLD_ITERATIONS`] solves. The caller checks them.
 ///
-/// `place` places the plates, and `placed` is where they start; `measure` returns the links and their errors; `rows` the derivatives of
-/// the errors, which the last round does not need.
+/// `place` places the plates, and `placed` is where they start; `measure` returns the links and
+/// their errors; `rows` the derivatives of the errors, which the last round does not need.
 pub(super) fn newton<P, W, const K: usize>(
     start: [f64; K],
     placed: P,
@@ -67,10 +70,19 @@ where
     loop {
         let (links_m, errors) = measure(&unknowns, &placed);
         // Not true for NaN, which the factors then refuse.
-        if made == COLD_ITERATIONS || zip(&errors, settled).all(|(error, most)| error.abs() <= *most) {
-            return Ok(Answer { unknowns, links_m, made });
+        if made == COLD_ITERATIONS
+            || zip(&errors, settled).all(|(error, most)| error.abs() <= *most)
+        {
+            return Ok(Answer {
+                unknowns,
+                links_m,
+                made,
+            });
         }
-        let equations = Equations { errors, rows: rows(&placed, &links_m) };
+        let equations = Equations {
+            errors,
+            rows: rows(&placed, &links_m),
+        };
         let step = match equations.solve() {
             Some(step) => step,
             None => by_pivots(&equations)?,

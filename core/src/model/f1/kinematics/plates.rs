@@ -37,18 +37,37 @@ impl Axis {
     fn new(direction: Vector3<f64>) -> Self {
         let k = cross_matrix(&direction);
         let squared = product(&k, &k);
-        Self { direction, diagonal: squared.diagonal(), beside: Vector3::new(squared.m23, squared.m31, squared.m12) }
+        Self {
+            direction,
+            diagonal: squared.diagonal(),
+            beside: Vector3::new(squared.m23, squared.m31, squared.m12),
+        }
     }
 
     #[inline]
     fn rotation(&self, angle_rad: f64) -> Matrix3<f64> {
         let (along, across) = sine_and_versine(angle_rad);
-        let (k, d, b) = (self.direction * along, self.diagonal * across, self.beside * across);
-        Matrix3::new(1.0 + d.x, b.z - k.z, b.y + k.y, b.z + k.z, 1.0 + d.y, b.x - k.x, b.y - k.y, b.x + k.x, 1.0 + d.z)
+        let (k, d, b) = (
+            self.direction * along,
+            self.diagonal * across,
+            self.beside * across,
+        );
+        Matrix3::new(
+            1.0 + d.x,
+            b.z - k.z,
+            b.y + k.y,
+            b.z + k.z,
+            1.0 + d.y,
+            b.x - k.x,
+            b.y - k.y,
+            b.x + k.x,
+            1.0 + d.z,
+        )
     }
 }
 
-/// A vector that turns about a fixed axis: `Rot(a, angle) p = p + sin a x p + (1 - cos) a x (a x p)`.
+/// A vector that turns about a fixed axis:
+/// `Rot(a, angle) p = p + sin a x p + (1 - cos) a x (a x p)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Turned {
     vector: Vector3<f64>,
@@ -59,7 +78,11 @@ struct Turned {
 impl Turned {
     fn new(axis: &Vector3<f64>, vector: Vector3<f64>) -> Self {
         let crossed = axis.cross(&vector);
-        Self { vector, crossed, crossed_twice: axis.cross(&crossed) }
+        Self {
+            vector,
+            crossed,
+            crossed_twice: axis.cross(&crossed),
+        }
     }
 
     #[inline]
@@ -86,12 +109,25 @@ pub(super) struct PlateTwo {
 }
 
 impl PlateTwo {
-    /// `s . dA/dq_2` and `s . dA/dq_4` of links 21 and 22, for vectors `s` along them and a guideway `V_2`.
+    /// `s . dA/dq_2` and `s . dA/dq_4` of one link, for a vector `s` along it.
     #[inline]
-    pub(super) fn drives(&self, [s1, s2]: &[Vector3<f64>; 2], guideway: &Vector3<f64>) -> [[f64; 2]; 2] {
+    fn drive(&self, s: &Vector3<f64>, lever_m: &Vector3<f64>, guideway: &Vector3<f64>) -> [f64; 2] {
+        [s.dot(guideway), self.turn_axis.dot(&lever_m.cross(s))]
+    }
+
+    /// `s . dA/dq_2` and `s . dA/dq_4` of links 21 and 22, for vectors `s` along them and a
+    /// guideway `V_2`.
+    #[inline]
+    pub(super) fn drives(
+        &self,
+        [s1, s2]: &[Vector3<f64>; 2],
+        guideway: &Vector3<f64>,
+    ) -> [[f64; 2]; 2] {
         let [lever1, lever2] = &self.levers_m;
-        let drive = |s: &Vector3<f64>, lever: &Vector3<f64>| [s.dot(guideway), self.turn_axis.dot(&lever.cross(s))];
-        [drive(s1, lever1), drive(s2, lever2)]
+        [
+            self.drive(s1, lever1, guideway),
+            self.drive(s2, lever2, guideway),
+        ]
     }
 }
 
@@ -107,15 +143,31 @@ pub(super) struct PlateThree {
 }
 
 impl PlateThree {
-    /// `s . dA/dq_3`, `s . dA/dq_5` and `s . dA/dq_6` of links 31, 32 and 33, for vectors `s` along them and a guideway `V_3`.
+    /// `s . dA/dq_3`, `s . dA/dq_5` and `s . dA/dq_6` of one link, for a vector `s` along it.
     #[inline]
-    pub(super) fn drives(&self, [s1, s2, s3]: &[Vector3<f64>; 3], guideway: &Vector3<f64>) -> [[f64; 3]; 3] {
+    fn drive(&self, s: &Vector3<f64>, lever_m: &Vector3<f64>, guideway: &Vector3<f64>) -> [f64; 3] {
+        let moment = lever_m.cross(s);
+        [
+            s.dot(guideway),
+            self.turn_axis.dot(&moment),
+            self.tilt_axis.dot(&moment),
+        ]
+    }
+
+    /// `s . dA/dq_3`, `s . dA/dq_5` and `s . dA/dq_6` of links 31, 32 and 33, for vectors `s` along
+    /// them and a guideway `V_3`.
+    #[inline]
+    pub(super) fn drives(
+        &self,
+        [s1, s2, s3]: &[Vector3<f64>; 3],
+        guideway: &Vector3<f64>,
+    ) -> [[f64; 3]; 3] {
         let [lever1, lever2, lever3] = &self.levers_m;
-        let drive = |s: &Vector3<f64>, lever: &Vector3<f64>| {
-            let moment = lever.cross(s);
-            [s.dot(guideway), self.turn_axis.dot(&moment), self.tilt_axis.dot(&moment)]
-        };
-        [drive(s1, lever1), drive(s2, lever2), drive(s3, lever3)]
+        [
+            self.drive(s1, lever1, guideway),
+            self.drive(s2, lever2, guideway),
+            self.drive(s3, lever3, guideway),
+        ]
     }
 }
 
@@ -159,7 +211,8 @@ impl Plates {
     pub(super) fn new(geometry: &Geometry) -> Self {
         let [p11, p21, p22, p31, p32, p33] = geometry.plate_joints_m;
         let [c1, ..] = geometry.carts_m;
-        let (turn, tilt) = (geometry.turn_axis, geometry.tilt_axis);
+        let turn = geometry.turn_axis;
+        let tilt = geometry.tilt_axis;
         Self {
             carts_m: geometry.carts_m,
             guideways: geometry.guideways,
@@ -185,14 +238,16 @@ impl Plates {
     /// `C_2 + q_2 V_2`: cart 2, metres.
     #[inline]
     pub(super) fn cart_two(&self, q2: f64) -> Vector3<f64> {
-        let ([_, c2, _], [_, v2, _]) = (self.carts_m, self.guideways);
+        let [_, c2, _] = self.carts_m;
+        let [_, v2, _] = self.guideways;
         c2 + v2 * q2
     }
 
     /// `C_3 + q_3 V_3`: cart 3, metres.
     #[inline]
     pub(super) fn cart_three(&self, q3: f64) -> Vector3<f64> {
-        let ([_, _, c3], [_, _, v3]) = (self.carts_m, self.guideways);
+        let [_, _, c3] = self.carts_m;
+        let [_, _, v3] = self.guideways;
         c3 + v3 * q3
     }
 
@@ -202,14 +257,18 @@ impl Plates {
         let [sigma4, _] = self.signs;
         let turn = sine_and_versine(sigma4 * q4);
         let levers_m = self.two.map(|joint| joint.by(turn));
-        PlateTwo { levers_m, turn_axis: self.turn.direction * sigma4 }
+        PlateTwo {
+            levers_m,
+            turn_axis: self.turn.direction * sigma4,
+        }
     }
 
     /// Plate 3, turned by `q_5` and tilted by `q_6`.
     #[inline]
     pub(super) fn three(&self, q5: f64, q6: f64) -> PlateThree {
         let [_, sigma5] = self.signs;
-        let (turned, tilt) = (self.turn.rotation(sigma5 * q5), sine_and_versine(q6));
+        let turned = self.turn.rotation(sigma5 * q5);
+        let tilt = sine_and_versine(q6);
         let levers_m = self.three.map(|joint| times(&turned, &joint.by(tilt)));
         PlateThree {
             levers_m,
@@ -218,7 +277,8 @@ impl Plates {
         }
     }
 
-    /// Turn and tilt of the synchronised machine, whose platform turns with plate 3: `Rot(a, sigma_5 q_5) Rot(a_6, q_6)`.
+    /// Turn and tilt of the synchronised machine, whose platform turns with plate 3:
+    /// `Rot(a, sigma_5 q_5) Rot(a_6, q_6)`.
     pub(super) fn orientation(&self, q5: f64, q6: f64) -> Matrix3<f64> {
         let [_, sigma5] = self.signs;
         product(&self.turn.rotation(sigma5 * q5), &self.tilt.rotation(q6))
@@ -234,11 +294,21 @@ impl Plates {
     pub(super) fn at(&self, q: &[f64; AXES]) -> PlatesAt<'_> {
         let [q1, q2, q3, q4, q5, q6] = *q;
         let [v1, ..] = self.guideways;
-        let (two, three) = (self.two(q4), self.three(q5, q6));
-        let ([l21, l22], [l31, l32, l33]) = (two.levers_m, three.levers_m);
-        let (cart2, cart3) = (self.cart_two(q2), self.cart_three(q3));
+        let two = self.two(q4);
+        let three = self.three(q5, q6);
+        let [l21, l22] = two.levers_m;
+        let [l31, l32, l33] = three.levers_m;
+        let cart2 = self.cart_two(q2);
+        let cart3 = self.cart_three(q3);
         PlatesAt {
-            joints_m: [self.one_m + v1 * q1, cart2 + l21, cart2 + l22, cart3 + l31, cart3 + l32, cart3 + l33],
+            joints_m: [
+                self.one_m + v1 * q1,
+                cart2 + l21,
+                cart2 + l22,
+                cart3 + l31,
+                cart3 + l32,
+                cart3 + l33,
+            ],
             guideways: &self.guideways,
             two,
             three,
@@ -264,17 +334,39 @@ impl PlatesAt<'_> {
 impl kani::Arbitrary for Plates {
     fn any() -> Self {
         use crate::model::linalg::{any_three, any_vector};
-        let any_axis = || Axis { direction: any_vector(), diagonal: any_vector(), beside: any_vector() };
-        let any_turned = || Turned { vector: any_vector(), crossed: any_vector(), crossed_twice: any_vector() };
         Self {
             carts_m: any_three(),
             guideways: any_three(),
             one_m: any_vector(),
-            turn: any_axis(),
-            tilt: any_axis(),
-            two: [any_turned(), any_turned()],
-            three: [any_turned(), any_turned(), any_turned()],
+            turn: kani::any(),
+            tilt: kani::any(),
+            two: [kani::any(), kani::any()],
+            three: [kani::any(), kani::any(), kani::any()],
             signs: kani::any(),
+        }
+    }
+}
+
+#[cfg(kani)]
+impl kani::Arbitrary for Axis {
+    fn any() -> Self {
+        use crate::model::linalg::any_vector;
+        Self {
+            direction: any_vector(),
+            diagonal: any_vector(),
+            beside: any_vector(),
+        }
+    }
+}
+
+#[cfg(kani)]
+impl kani::Arbitrary for Turned {
+    fn any() -> Self {
+        use crate::model::linalg::any_vector;
+        Self {
+            vector: any_vector(),
+            crossed: any_vector(),
+            crossed_twice: any_vector(),
         }
     }
 }

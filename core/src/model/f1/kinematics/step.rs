@@ -1,6 +1,7 @@
 //! One Newton step of the platform: `w . dT + (l x w) . dtheta = (|w|^2 - L^2) / 2` for every link.
 //!
-//! Two blocks of three instead of one system of six; where either is near singular a pivoting solve of all six decides.
+//! Two blocks of three instead of one system of six; where either is near singular a pivoting solve
+//! of all six decides.
 
 use nalgebra::Vector3;
 
@@ -29,7 +30,8 @@ pub(super) struct Step {
     pub(super) translation_m: Vector3<f64>,
     /// `dtheta`, radians.
     pub(super) rotation_rad: Vector3<f64>,
-    /// True if the determinant of the system is negative: its sign changes where assembly modes meet.
+    /// True if the determinant of the system is negative: its sign changes where assembly modes
+    /// meet.
     pub(super) det_is_negative: bool,
 }
 
@@ -60,7 +62,11 @@ impl System {
     fn solve_block(&self) -> Option<Step> {
         let factors = BlockFactors::new(&self.links_m, &self.moments())?;
         let (translation_m, rotation_rad) = factors.solve(&self.surpluses);
-        Some(Step { translation_m, rotation_rad, det_is_negative: factors.det_is_negative() })
+        Some(Step {
+            translation_m,
+            rotation_rad,
+            det_is_negative: factors.det_is_negative(),
+        })
     }
 
     #[cold]
@@ -83,7 +89,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2_000))]
-        /// Two systems of three, or one of six: the same step, and the same side of the singularity.
+        /// Two systems of three, or one of six: the same step, and the same side of the
+        /// singularity.
         #[test]
         fn two_systems_of_three_are_the_one(
             links in prop::array::uniform6(prop::array::uniform3(-1.0..1.0_f64)),
@@ -105,10 +112,19 @@ mod tests {
 
     #[test]
     fn dependent_links_are_singular() {
-        let system =
-            System { links_m: [Vector3::x(); LINKS], levers_m: [Vector3::y(); LINKS], surpluses: [0.0; LINKS] };
-        assert!(matches!(system.solve(), Err(KinematicsError::Singular { .. })));
-        let system = System { links_m: [Vector3::x() * f64::NAN; LINKS], ..system };
+        let system = System {
+            links_m: [Vector3::x(); LINKS],
+            levers_m: [Vector3::y(); LINKS],
+            surpluses: [0.0; LINKS],
+        };
+        assert!(matches!(
+            system.solve(),
+            Err(KinematicsError::Singular { .. })
+        ));
+        let system = System {
+            links_m: [Vector3::x() * f64::NAN; LINKS],
+            ..system
+        };
         assert_eq!(system.solve().unwrap_err(), KinematicsError::NotFinite);
     }
 }

@@ -19,7 +19,13 @@ struct Written<T> {
 
 impl<T> Default for Journal<T> {
     fn default() -> Self {
-        Self { written: Mutex::new(Written { entries: Vec::new(), is_complete: false }), more: Condvar::new() }
+        Self {
+            written: Mutex::new(Written {
+                entries: Vec::new(),
+                is_complete: false,
+            }),
+            more: Condvar::new(),
+        }
     }
 }
 
@@ -41,7 +47,8 @@ impl<T: Clone + Debug> Journal<T> {
         self.written.lock().unwrap().entries.clone()
     }
 
-    /// Waits for the first entry that fulfils the condition; `None` if the journal is complete without one.
+    /// Waits for the first entry that fulfils the condition; `None` if the journal is complete
+    /// without one.
     pub(super) fn find(&self, what: &str, is_it: impl Fn(&T) -> bool) -> Option<T> {
         let since = Instant::now();
         let mut written = self.written.lock().unwrap();
@@ -51,7 +58,8 @@ impl<T: Clone + Debug> Journal<T> {
                 return found.cloned();
             }
             let left = PATIENCE.checked_sub(since.elapsed());
-            let left = left.unwrap_or_else(|| panic!("no {what} after {:?}", written.entries.last()));
+            let left =
+                left.unwrap_or_else(|| panic!("no {what} after {:?}", written.entries.last()));
             written = self.more.wait_timeout(written, left).unwrap().0;
         }
     }

@@ -7,13 +7,22 @@ use std::process::{Command, Stdio};
 use super::PATIENCE;
 use crate::firmware::process::Process;
 
-/// Builds the program as `cargo test` does, with whose features nothing is built twice. Returns its path.
+/// Builds the program as `cargo test` does, with whose features nothing is built twice. Returns its
+/// path.
 pub(crate) fn build() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();
     let is_debug = profile.ends_with("debug");
     let status = Command::new(env!("CARGO"))
-        .args(["test", "--quiet", "--locked", "--workspace", "--no-run", "--test", "it"])
+        .args([
+            "test",
+            "--quiet",
+            "--locked",
+            "--workspace",
+            "--no-run",
+            "--test",
+            "it",
+        ])
         .args(["--profile", if is_debug { "test" } else { "release" }])
         .arg("--target-dir")
         .arg(profile.parent().unwrap())
@@ -49,8 +58,10 @@ impl Running {
 
     /// Waits for its end. Returns exit code and stderr.
     pub(super) fn end(mut self) -> (Option<i32>, String) {
-        let words = || std::fs::read_to_string(&self.errors).unwrap();
-        let status = self.process.end(PATIENCE, words);
-        (status.code(), words())
+        let status = self
+            .process
+            .end(PATIENCE, || std::fs::read_to_string(&self.errors).unwrap());
+        let errors = std::fs::read_to_string(&self.errors).unwrap();
+        (status.code(), errors)
     }
 }

@@ -1,7 +1,8 @@
-//! Proxy before the target: forwards every byte, records every State before its client receives it, and is the force sensor.
+//! Proxy before the target: forwards every byte, records every State before its client receives it,
+//! and is the force sensor.
 //!
-//! The sample of a tick leaves before the State of that tick, as in a real cell where one cycle does both; so the client's offsets
-//! depend on ticks only.
+//! The sample of a tick leaves before the State of that tick, as in a real cell where one cycle
+//! does both; so the client's offsets depend on ticks only.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -10,9 +11,9 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau::sensor_link::{Sample, SensorPublisher};
 use gantry_tau_core::control::message::{Phase, ServerMessage};
 use gantry_tau_core::control::wire::{Deframer, Feed, decode_server};
+use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 
 use super::journal::Journal;
 use super::{PATIENCE, State};
@@ -61,10 +62,19 @@ impl Proxy {
         listener.set_nonblocking(true).unwrap();
         let address = listener.local_addr().unwrap();
         let shared = Arc::new(Shared::default());
-        *shared.sensor.lock().unwrap() = Some(Sensor { publisher, pull_n, obtained: 0 });
+        *shared.sensor.lock().unwrap() = Some(Sensor {
+            publisher,
+            pull_n,
+            obtained: 0,
+        });
         let accepting = Arc::clone(&shared);
         let thread = std::thread::spawn(move || accept(&listener, target, &accepting));
-        Self { address, sensor, shared, thread: Some(thread) }
+        Self {
+            address,
+            sensor,
+            shared,
+            thread: Some(thread),
+        }
     }
 
     /// Waits for the first State that fulfils the condition.
@@ -100,7 +110,11 @@ fn accept(listener: &TcpListener, target: SocketAddr, shared: &Arc<Shared>) {
         let target = TcpStream::connect_timeout(&target, PATIENCE).unwrap();
         for stream in [&client, &target] {
             stream.set_nodelay(true).unwrap();
-            shared.open.lock().unwrap().push(stream.try_clone().unwrap());
+            shared
+                .open
+                .lock()
+                .unwrap()
+                .push(stream.try_clone().unwrap());
         }
         let (from, to) = (client.try_clone().unwrap(), target.try_clone().unwrap());
         std::thread::spawn(move || forward(from, to, |_| {}));
@@ -153,6 +167,9 @@ impl Shared {
         if sensor.obtained > PULL_AFTER {
             wrench[1] -= sensor.pull_n;
         }
-        sensor.publisher.publish(&Sample { tick: state.tick.0, wrench });
+        sensor.publisher.publish(&Sample {
+            tick: state.tick.0,
+            wrench,
+        });
     }
 }

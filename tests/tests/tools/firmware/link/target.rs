@@ -47,12 +47,23 @@ impl Target {
     fn start(build: Build, image: &Path, sessions: u32, address: SocketAddr) -> Self {
         let mut emulator = Process::start(
             Command::new("qemu-system-arm")
-                .args(["-machine", build.machine(), "-display", "none", "-monitor", "none", "-serial", "none"])
+                .args([
+                    "-machine",
+                    build.machine(),
+                    "-display",
+                    "none",
+                    "-monitor",
+                    "none",
+                    "-serial",
+                    "none",
+                ])
                 .arg("-semihosting-config")
                 .arg(format!("enable=on,target=native,arg=link,arg={sessions}"))
                 .arg("-nic")
                 // The guest can be reached, and reaches no other machine.
-                .arg(format!("user,restrict=on,model=lan9118,hostfwd=tcp:{address}-:7000"))
+                .arg(format!(
+                    "user,restrict=on,model=lan9118,hostfwd=tcp:{address}-:7000"
+                ))
                 .arg("-kernel")
                 .arg(image)
                 .stdin(Stdio::null())
@@ -69,10 +80,18 @@ impl Target {
         let log = Arc::new(Journal::default());
         let (shared, out) = (Arc::clone(&log), decoder.stdout());
         let reader = std::thread::spawn(move || {
-            BufReader::new(out).lines().for_each(|line| shared.push(line.unwrap()));
+            BufReader::new(out)
+                .lines()
+                .for_each(|line| shared.push(line.unwrap()));
             shared.complete();
         });
-        Self { address, emulator, _decoder: decoder, log, reader: Some(reader) }
+        Self {
+            address,
+            emulator,
+            _decoder: decoder,
+            log,
+            reader: Some(reader),
+        }
     }
 
     /// Waits for a line that contains `words`; `None` if the emulator ends without it.

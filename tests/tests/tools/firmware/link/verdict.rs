@@ -1,4 +1,5 @@
-//! Agreement of three records: the target's log, the States that the proxy recorded, and the clients' recordings.
+//! Agreement of three records: the target's log, the States that the proxy recorded, and the
+//! clients' recordings.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -41,9 +42,14 @@ pub(super) fn check_phases(log: &Log<'_>, states: &[State]) {
     }
 }
 
-/// Checks a session: no State is missing, none breaks a rule of the monitor, and it ends by `cause`. Returns its States, and the
-/// number of received commands.
-pub(super) fn check_session(log: &Log<'_>, states: &[State], epoch: u64, cause: &str) -> (Vec<State>, u64) {
+/// Checks a session: no State is missing, none breaks a rule of the monitor, and it ends by
+/// `cause`. Returns its States, and the number of received commands.
+pub(super) fn check_session(
+    log: &Log<'_>,
+    states: &[State],
+    epoch: u64,
+    cause: &str,
+) -> (Vec<State>, u64) {
     let states = states.iter().filter(|state| state.epoch.0 == epoch);
     let states: Vec<State> = states.copied().collect();
     let parameters = robots::parameters(0, Capabilities::NONE).unwrap();
@@ -64,7 +70,10 @@ pub(super) fn check_session(log: &Log<'_>, states: &[State], epoch: u64, cause: 
     assert!(moved > 100 * ramp, "the offsets moved by {moved} nm only");
 
     let welcomes = log.events("welcome");
-    let welcome = welcomes.iter().find(|(_, one)| **one == epoch.to_string()).unwrap();
+    let welcome = welcomes
+        .iter()
+        .find(|(_, one)| **one == epoch.to_string())
+        .unwrap();
     let ends = log.events("ended");
     let (tick, end) = ends.range(welcome.0..).next().unwrap();
     assert!(end.starts_with(&format!("{cause} ")), "{end}");
@@ -76,10 +85,13 @@ pub(super) fn check_session(log: &Log<'_>, states: &[State], epoch: u64, cause: 
     (states, received)
 }
 
-/// Checks the end of a session whose cable was pulled: two misses end it, and the proxy received the whole ramp. The monitor has
-/// checked that the first miss holds the positions, and every step of the ramp.
+/// Checks the end of a session whose cable was pulled: two misses end it, and the proxy received
+/// the whole ramp. The monitor has checked that the first miss holds the positions, and every step
+/// of the ramp.
 pub(super) fn check_pulled_cable(states: &[State]) {
-    let end = states.iter().position(|state| state.phase == Phase::SafeDisconnect);
+    let end = states
+        .iter()
+        .position(|state| state.phase == Phase::SafeDisconnect);
     let (before, ramp) = states.split_at(end.unwrap());
     let [.., answered, held] = before else {
         panic!("a session of {} States", states.len());
@@ -91,20 +103,26 @@ pub(super) fn check_pulled_cable(states: &[State]) {
     assert_eq!(positions(ramp.last().unwrap()), [0; AXES]);
 }
 
-/// Checks that one client was refused in Obtain, and a later one in the ramp, `ramping` ticks before its end.
+/// State of a tick.
+fn at(states: &[State], tick: u64) -> &State {
+    states.iter().find(|state| state.tick.0 == tick).unwrap()
+}
+
+/// Checks that one client was refused in Obtain, and a later one in the ramp, `ramping` ticks
+/// before its end.
 pub(super) fn check_refusals(log: &Log<'_>, states: &[State], ramping: u32) {
-    let at = |tick: u64| states.iter().find(|state| state.tick.0 == tick).unwrap();
     let refused = log.events("refused").into_iter().collect::<Vec<_>>();
     let [(early, "Busy"), (late, reason)] = refused[..] else {
         panic!("{refused:?}");
     };
-    assert_eq!(at(early).phase, Phase::Obtain);
+    assert_eq!(at(states, early).phase, Phase::Obtain);
     assert_eq!(reason, format!("Ramping {{ ticks_left: {ramping} }}"));
-    assert_eq!(at(late - 1).ramp_ticks_left, ramping);
+    assert_eq!(at(states, late - 1).ramp_ticks_left, ramping);
     assert!(ramping > 0);
 }
 
-/// Checks that every row of a client's recording is the State that the target sent. Returns the number of rows.
+/// Checks that every row of a client's recording is the State that the target sent. Returns the
+/// number of rows.
 pub(super) fn check_recording(csv: &Path, states: &[State]) -> u64 {
     let states: BTreeMap<u64, &State> = states.iter().map(|state| (state.tick.0, state)).collect();
     let text = std::fs::read_to_string(csv).unwrap();
@@ -117,27 +135,39 @@ pub(super) fn check_recording(csv: &Path, states: &[State]) -> u64 {
         let tick = fields["tick"].parse().unwrap();
         let state = states.get(&tick);
         let state = state.unwrap_or_else(|| panic!("the target sent no State of tick {tick}"));
-        let expect = |name: &str, value: &str| {
-            assert_eq!(fields[name], value, "{name} of tick {tick}");
-        };
-        expect("state", state.phase.name());
-        expect("cause", state.cause.name());
-        expect("missed", &state.counters.missed.to_string());
-        expect("ramp_ticks_left", &state.ramp_ticks_left.to_string());
-        for (axis, number) in state.axes.iter().zip(1..) {
-            let expect = |name: &str, value: i64| {
-                expect(&name.replace('#', &i32::to_string(&number)), &value.to_string());
-            };
-            let (nominal, offset) = (axis.nominal.0, i64::from(axis.offsets.position.0));
-            expect("nominal_#_nm", nominal);
-            expect("offset_#_nm", offset);
-            expect("shadow_#_nm", axis.shadow.position.0.into());
-            expect("actual_#_nm", axis.actual.position.0);
-            expect("reference_#_nm", nominal + offset);
-            expect("flags_#", axis.flags.bits().into());
+        for (name, value) in expected_fields(state) {
+            assert_eq!(fields[&*name], value, "{name} of tick {tick}");
         }
     }
     rows
+}
+
+/// Columns of a recording that a State gives, and their values.
+fn expected_fields(state: &State) -> Vec<(String, String)> {
+    let mut expected = vec![
+        ("state".to_owned(), state.phase.name().to_owned()),
+        ("cause".to_owned(), state.cause.name().to_owned()),
+        ("missed".to_owned(), state.counters.missed.to_string()),
+        (
+            "ramp_ticks_left".to_owned(),
+            state.ramp_ticks_left.to_string(),
+        ),
+    ];
+    for (axis, number) in state.axes.iter().zip(1..) {
+        let (nominal, offset) = (axis.nominal.0, i64::from(axis.offsets.position.0));
+        expected.extend(
+            [
+                (format!("nominal_{number}_nm"), nominal),
+                (format!("offset_{number}_nm"), offset),
+                (format!("shadow_{number}_nm"), axis.shadow.position.0.into()),
+                (format!("actual_{number}_nm"), axis.actual.position.0),
+                (format!("reference_{number}_nm"), nominal + offset),
+                (format!("flags_{number}"), axis.flags.bits().into()),
+            ]
+            .map(|(name, value)| (name, value.to_string())),
+        );
+    }
+    expected
 }
 
 fn positions(state: &State) -> [i64; AXES] {

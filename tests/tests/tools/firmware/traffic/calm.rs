@@ -22,12 +22,18 @@ pub(super) fn record(name: &'static str, motion: Motion) -> Recording {
         match &mut client {
             None if !is_pulled && recorder.phase() == Phase::Listening && cycle < 9_900 => {
                 let connection = recorder.open(Transport::Stream).unwrap();
-                let (_, one) = client.insert((connection, Client::new(Transport::Stream, Requirements::default())));
+                let (_, one) = client.insert((
+                    connection,
+                    Client::new(Transport::Stream, Requirements::default()),
+                ));
                 recorder.feed(connection, &one.hello().unwrap());
             }
             Some((connection, one)) if !is_pulled => {
-                let mode =
-                    if one.phase() == Some(Phase::Obtain) || cycle % 100 == 99 { Mode::Obtain } else { Mode::Submit };
+                let mode = if one.phase() == Some(Phase::Obtain) || cycle % 100 == 99 {
+                    Mode::Obtain
+                } else {
+                    Mode::Submit
+                };
                 let frame = if cycle >= 9_900 {
                     one.goodbye()
                 } else {

@@ -15,8 +15,11 @@ use super::{CYCLES, Recording};
 use crate::firmware::machine::{AXES, CycleInput, Motion};
 
 /// Measurements that no drive has.
-const ACTUAL: Actual =
-    Actual { position: PositionNm(i64::MIN), velocity: VelocityUmS(i32::MAX), torque: TorquePermille(i16::MIN) };
+const ACTUAL: Actual = Actual {
+    position: PositionNm(i64::MIN),
+    velocity: VelocityUmS(i32::MAX),
+    torque: TorquePermille(i16::MIN),
+};
 /// Bytes that arrive at once.
 const BURST: usize = 1_024;
 
@@ -61,7 +64,11 @@ struct HostilePeers {
 impl HostilePeers {
     fn play(&mut self, one: &Op) {
         match one {
-            Op::Answer { obtain, targets, times } => {
+            Op::Answer {
+                obtain,
+                targets,
+                times,
+            } => {
                 for _ in 0..times % 40 {
                     self.answer(*obtain, targets);
                     self.tick(1, false, false, None);
@@ -90,7 +97,10 @@ impl HostilePeers {
             match self.recorder.phase() {
                 Phase::Listening => {
                     let client = self.connection(0);
-                    let hello = ClientAction::Hello { axes: 0, capabilities: 0 };
+                    let hello = ClientAction::Hello {
+                        axes: 0,
+                        capabilities: 0,
+                    };
                     if client.is_some() {
                         self.say(Peer::One, &hello);
                     }
@@ -114,18 +124,23 @@ impl HostilePeers {
         }
     }
 
-    /// Sends more than is read in a cycle: more frames of the owner than core takes, a Stop behind them, and a frame and noise of
-    /// every other peer.
+    /// Sends more than is read in a cycle: more frames of the owner than core takes, a Stop behind
+    /// them, and a frame and noise of every other peer.
     fn burst(&mut self) {
         self.others.extend(self.recorder.open(Transport::Stream));
         let kind = self.noise.below(6);
         for other in self.others.clone() {
             let mut bytes = match self.noise.below(3) {
-                0 => encode_client::<AXES>(&ClientMessage::Hello(Hello { axes: 6, capabilities: Capabilities::NONE }))
-                    .to_vec(),
+                0 => encode_client::<AXES>(&ClientMessage::Hello(Hello {
+                    axes: 6,
+                    capabilities: Capabilities::NONE,
+                }))
+                .to_vec(),
                 1 => enclose(1, 3, &self.noise.bytes(384)),
                 _ => {
-                    let command = self.recorder.command(Mode::Obtain, [Offsets::default(); AXES]);
+                    let command = self
+                        .recorder
+                        .command(Mode::Obtain, [Offsets::default(); AXES]);
                     encode_client(&ClientMessage::Command(command)).to_vec()
                 }
             };
@@ -177,7 +192,13 @@ impl HostilePeers {
         let first = self.recorder.phase() == Phase::Handshake;
         self.say(
             Peer::Owner,
-            &ClientAction::Command { epoch: 0, ahead: 1, behind: 0, obtain: obtain && !first, targets: *targets },
+            &ClientAction::Command {
+                epoch: 0,
+                ahead: 1,
+                behind: 0,
+                obtain: obtain && !first,
+                targets: *targets,
+            },
         );
     }
 
@@ -207,13 +228,17 @@ impl HostilePeers {
 
     fn bytes(&mut self, action: &ClientAction) -> Vec<u8> {
         let session = *self.recorder.session();
-        let offsets = |targets: &Shares| std::array::from_fn(|axis| self.share_of_limits(targets[axis % 2], true));
-        match (action.message(&session, offsets), action) {
+        let message = action.message(&session, |targets: &Shares| {
+            std::array::from_fn(|axis| self.share_of_limits(targets[axis % 2], true))
+        });
+        match (message, action) {
             (Some(message), _) => encode_client(&message).to_vec(),
             (None, ClientAction::Malformed) => enclose(1, 3, b"no command"),
             (None, ClientAction::Dropped) => enclose(2, 1, b"a client of the next version"),
             (None, ClientAction::Flood) => {
-                let command = self.recorder.command(Mode::Obtain, [Offsets::default(); AXES]);
+                let command = self
+                    .recorder
+                    .command(Mode::Obtain, [Offsets::default(); AXES]);
                 encode_client(&ClientMessage::Command(command)).repeat(9)
             }
             (None, _) => self.noise.bytes(64),
@@ -223,26 +248,28 @@ impl HostilePeers {
     /// Returns shares of the limits of every channel, in hundredths.
     fn share_of_limits(&mut self, shares: [i8; 3], upwards: bool) -> Offsets {
         let limits = self.recorder.session().config().parameters().axes[0].limits;
-        let of = |max: i32, share: i8| {
-            let value = i64::from(max) * i64::from(share) / 100;
+        // The ramp of a hundredth takes hundreds of ticks: only one position in fifty is larger.
+        let part = if self.noise.below(50) == 0 { 1 } else { 100 };
+        let largest = [
+            limits.position.max() / part,
+            limits.velocity.max(),
+            limits.torque.max(),
+        ];
+        let [position, velocity, torque] = std::array::from_fn(|channel| {
+            let value = i64::from(largest[channel]) * i64::from(shares[channel]) / 100;
             i32::try_from(if upwards { value } else { -value }).unwrap()
-        };
-        let [position, velocity, torque] = shares;
+        });
         Offsets {
-            // The ramp of a hundredth takes hundreds of ticks: only one position in fifty is larger.
-            position: OffsetNm(if self.noise.below(50) == 0 {
-                of(limits.position.max(), position)
-            } else {
-                of(limits.position.max() / 100, position)
-            }),
-            velocity: VelocityUmS(of(limits.velocity.max(), velocity)),
-            torque: TorquePermille(of(limits.torque.max(), torque).try_into().unwrap()),
+            position: OffsetNm(position),
+            velocity: VelocityUmS(velocity),
+            torque: TorquePermille(torque.try_into().unwrap()),
         }
     }
 
     fn tick(&mut self, elapsed: u32, stop: bool, rearm: bool, jump: Option<[i64; AXES]>) {
         let cycle = self.recorder.cycles;
-        // Back from astray is a step of the nominal, a fault; so is every change between the machines. Mostly it is the L2.
+        // Back from astray is a step of the nominal, a fault; so is every change between the
+        // machines. Mostly it is the L2.
         if matches!(self.recorder.phase(), Phase::Listening | Phase::Fault) {
             self.is_astray = false;
         }
@@ -271,7 +298,10 @@ impl HostilePeers {
         let last = self.nominal();
         let drifted = std::array::from_fn(|axis| last[axis].saturating_add(self.drift[axis]));
         let nominal = jump.unwrap_or(drifted).map(PositionNm);
-        input.tick.reading = (self.noise.below(300) > 0).then_some(Reading { nominal, actual: [ACTUAL; AXES] });
+        input.tick.reading = (self.noise.below(300) > 0).then_some(Reading {
+            nominal,
+            actual: [ACTUAL; AXES],
+        });
         input.tick.elapsed_cycles = elapsed;
         input.tick.stop = stop;
         input.tick.rearm = rearm;
@@ -284,10 +314,13 @@ impl HostilePeers {
     /// Returns the nominal positions of the last cycle.
     fn nominal(&self) -> [i64; AXES] {
         let output = self.recorder.output();
-        output.map_or([0; AXES], |output| output.state.axes.map(|axis| axis.nominal.0))
+        output.map_or([0; AXES], |output| {
+            output.state.axes.map(|axis| axis.nominal.0)
+        })
     }
 
-    /// Returns the fate of the last references. What cannot be read back, or is beyond its limits, is mended after some cycles.
+    /// Returns the fate of the last references. What cannot be read back, or is beyond its limits,
+    /// is mended after some cycles.
     fn last_write(&mut self, nominal: &[i64; AXES]) -> LastWrite<AXES> {
         let output = self.recorder.output();
         let is_withheld = output.is_some_and(|output| output.withheld);

@@ -75,35 +75,54 @@ pub(crate) fn all() -> [&'static Recording; 3] {
     [calm(), calm_f1(), hostile()]
 }
 
+fn ticks_in(phases: &[Phase], phase: Phase) -> usize {
+    phases.iter().filter(|one| **one == phase).count()
+}
+
 /// The recordings reach every phase.
 pub(crate) fn recordings_show_every_phase() {
-    let ticks_in = |phases: &[Phase], phase| phases.iter().filter(|one| **one == phase).count();
     for recording in [calm(), calm_f1()] {
         let phases = play(&recording.bytes).seen.phases;
         assert_eq!(phases.len(), 10_000);
         assert!(ticks_in(&phases, Phase::Obtain) > 5_000);
         for phase in [Phase::Listening, Phase::Submit, Phase::SafeDisconnect] {
-            assert!(ticks_in(&phases, phase) > 0, "{}: no {phase:?}", recording.name);
+            assert!(
+                ticks_in(&phases, phase) > 0,
+                "{}: no {phase:?}",
+                recording.name
+            );
         }
     }
     let phases = play(&hostile().bytes).seen.phases;
     assert!(phases.len() >= 10_000);
-    for phase in [Phase::Listening, Phase::Handshake, Phase::Submit, Phase::Obtain, Phase::SafeDisconnect, Phase::Fault]
-    {
+    for phase in [
+        Phase::Listening,
+        Phase::Handshake,
+        Phase::Submit,
+        Phase::Obtain,
+        Phase::SafeDisconnect,
+        Phase::Fault,
+    ] {
         let ticks = ticks_in(&phases, phase);
         println!("hostile: {ticks} ticks in {phase:?}");
         assert!(ticks > 50, "hostile: hardly any {phase:?}");
     }
 }
 
-/// The hostile recording has the deepest cycles of the F1: plates beyond a quarter turn, whose sine is reduced first, and results after
-/// an error.
+/// The hostile recording has the deepest cycles of the F1: plates beyond a quarter turn, whose sine
+/// is reduced first, and results after an error.
 pub(crate) fn the_f1_turns_far_and_recovers() {
     let floats = play(&hostile().bytes).seen.floats;
-    let is_far = |one: &&Floats| matches!(one, Floats::F1 { turned_rad } if *turned_rad > FRAC_PI_2);
-    let far = floats.iter().filter(is_far).count();
-    let recovers = |pair: &&[Floats]| matches!(pair, [Floats::F1Error, Floats::F1 { .. }]);
-    let recovered = floats.windows(2).filter(recovers).count();
-    println!("hostile: {far} ticks of the F1 beyond a quarter turn, {recovered} results after an error");
+    let far = floats
+        .iter()
+        .filter(|one| matches!(one, Floats::F1 { turned_rad } if *turned_rad > FRAC_PI_2))
+        .count();
+    let recovered = floats
+        .windows(2)
+        .filter(|pair| matches!(pair, [Floats::F1Error, Floats::F1 { .. }]))
+        .count();
+    println!(
+        "hostile: {far} ticks of the F1 beyond a quarter turn, {recovered} results after an error"
+    );
     assert!(far > 100 && recovered > 10);
 }

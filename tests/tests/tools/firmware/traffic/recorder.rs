@@ -13,7 +13,9 @@ use super::Recording;
 use super::socket::Socket;
 use crate::firmware::host::control_cycle;
 use crate::firmware::ingress_budget::IngressBudget;
-use crate::firmware::machine::{AXES, CycleInput, CycleResult, Machine, Meter, Motion, Parts, Pose6};
+use crate::firmware::machine::{
+    AXES, CycleInput, CycleResult, Machine, Meter, Motion, Parts, Pose6,
+};
 use crate::firmware::recording::{Observer, Record, Sink, cycle};
 
 /// Plays live, and writes down what it plays.
@@ -81,7 +83,9 @@ impl Recorder {
         let nominal = nominal.unwrap();
         input.tick.reading = Some(Reading::unmeasured(nominal));
         let mut recorder = Self {
-            machine: Machine::new(Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap()),
+            machine: Machine::new(
+                Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap(),
+            ),
             bytes: Vec::new(),
             cycles: 0,
             outcome: Vec::new(),
@@ -97,7 +101,12 @@ impl Recorder {
 
     pub(super) fn finish(mut self, name: &'static str) -> Recording {
         self.write(&Record::End);
-        Recording { name, bytes: self.bytes, output: self.outcome, f1: self.f1 }
+        Recording {
+            name,
+            bytes: self.bytes,
+            output: self.outcome,
+            f1: self.f1,
+        }
     }
 
     fn write(&mut self, record: &Record<'_>) {
@@ -133,7 +142,8 @@ impl Recorder {
         }
     }
 
-    /// Reads what has arrived, within the budget: of the owner, and of the non-owner whose turn it is.
+    /// Reads what has arrived, within the budget: of the owner, and of the non-owner whose turn it
+    /// is.
     fn read(&mut self, connection: Connection) {
         let owner = self.owner();
         if owner != Some(connection) && self.turn != Some(connection) {
@@ -142,7 +152,7 @@ impl Recorder {
         loop {
             let left = self.budget.left(connection, owner);
             let socket = self.sockets.get_mut(&connection);
-            let Some(bytes) = socket.and_then(|socket| socket.take(left)) else {
+            let Some(bytes) = socket.and_then(|socket| socket.receive(left)) else {
                 return;
             };
             self.budget.count(connection, owner, bytes.len());
@@ -152,7 +162,10 @@ impl Recorder {
     }
 
     /// Runs one cycle. Returns the frames that were sent, and the connections that were closed.
-    pub(super) fn cycle(&mut self, input: &CycleInput) -> (Vec<(Connection, Vec<u8>)>, Vec<Connection>) {
+    pub(super) fn cycle(
+        &mut self,
+        input: &CycleInput,
+    ) -> (Vec<(Connection, Vec<u8>)>, Vec<Connection>) {
         self.write(&Record::Cycle(input));
         let mut outcome = Outcome::default();
         cycle(&mut self.machine, input, &mut outcome, &mut self.seen);
@@ -160,7 +173,8 @@ impl Recorder {
         self.cycles += 1;
         self.f1.push(self.seen.is_f1);
         let closed = self.seen.closed.clone();
-        self.sockets.retain(|connection, _| !closed.contains(connection));
+        self.sockets
+            .retain(|connection, _| !closed.contains(connection));
         self.read_on();
         (outcome.frames, closed)
     }
@@ -199,7 +213,13 @@ impl Recorder {
     pub(super) fn command(&mut self, mode: Mode, targets: [Offsets; AXES]) -> Command<AXES> {
         let accepted = self.output().map_or(0, |output| output.state.accepted.0);
         let session = self.session();
-        Command { epoch: session.epoch(), sequence: Sequence(accepted + 1), echo: session.last_tick(), mode, targets }
+        Command {
+            epoch: session.epoch(),
+            sequence: Sequence(accepted + 1),
+            echo: session.last_tick(),
+            mode,
+            targets,
+        }
     }
 
     /// Returns the correction of the last cycle, as offsets.
@@ -212,29 +232,38 @@ impl Recorder {
     }
 }
 
-/// Returns a pose on a closed curve around the middle of the workspace, a few centimetres and a tenth of a radian wide.
+/// Returns a pose on a closed curve around the middle of the workspace, a few centimetres and a
+/// tenth of a radian wide.
 pub(super) fn along(motion: Motion, cycle: u32) -> Pose6 {
     let turn = f64::from(cycle) * 1e-3;
-    let wave = |amplitude: f64, speed: f64| amplitude * (speed * turn).sin();
+    let [dx, dy, dz, rx, ry, rz] = [
+        (0.05, 1.1),
+        (0.04, 0.7),
+        (0.03, 1.7),
+        (0.02, 0.9),
+        (0.1, 0.5),
+        (0.1, 1.3),
+    ]
+    .map(|(amplitude, speed): (f64, f64)| amplitude * (speed * turn).sin());
     let [x, y, z] = match motion {
         Motion::F1 => [0.0, 0.0, 0.3],
         Motion::L2 | Motion::Given => [0.0, 0.5, 0.65],
     };
-    [x + wave(0.05, 1.1), y + wave(0.04, 0.7), z + wave(0.03, 1.7), wave(0.02, 0.9), wave(0.1, 0.5), wave(0.1, 1.3)]
+    [x + dx, y + dy, z + dz, rx, ry, rz]
 }
 
 /// Returns the sample of the force sensor of a tool that pushes, with some noise.
 pub(super) fn pushing(cycle: u32, noise: &mut Noise) -> [f64; 6] {
     let turn = f64::from(cycle) * 1e-3;
-    let mut small = || noise.below(1_000) as f64 * 1e-3 - 0.5;
+    let [fx, fy, fz, mx, my, mz] = [(); 6].map(|()| noise.below(1_000) as f64 * 1e-3 - 0.5);
     // The tare is taken first. A few newtons: the way back from a micrometre takes ten ticks.
     let push = if cycle < 200 { 0.0 } else { 0.1 };
     [
-        push * 150.0 * (2.0 * turn).sin() + small(),
-        push * 80.0 * (3.0 * turn).cos() + small(),
-        push * 300.0 * (0.5 * turn).sin() + small(),
-        push * 5.0 * turn.cos() + 0.1 * small(),
-        push * 4.0 * turn.sin() + 0.1 * small(),
-        push * 3.0 * (2.5 * turn).cos() + 0.1 * small(),
+        push * 150.0 * (2.0 * turn).sin() + fx,
+        push * 80.0 * (3.0 * turn).cos() + fy,
+        push * 300.0 * (0.5 * turn).sin() + fz,
+        push * 5.0 * turn.cos() + 0.1 * mx,
+        push * 4.0 * turn.sin() + 0.1 * my,
+        push * 3.0 * (2.5 * turn).cos() + 0.1 * mz,
     ]
 }

@@ -13,11 +13,14 @@ pub(super) struct Socket {
 
 impl Socket {
     pub(super) const fn new(transport: Transport) -> Self {
-        Self { transport, waiting: VecDeque::new() }
+        Self {
+            transport,
+            waiting: VecDeque::new(),
+        }
     }
 
     /// Takes at most `left` bytes. The rest of a datagram is lost.
-    pub(super) fn take(&mut self, left: usize) -> Option<Vec<u8>> {
+    pub(super) fn receive(&mut self, left: usize) -> Option<Vec<u8>> {
         let next = self.waiting.front_mut().filter(|_| left > 0)?;
         let rest = next.split_off(next.len().min(left));
         let taken = std::mem::replace(next, rest);

@@ -1,4 +1,5 @@
-//! Wiring that does not agree: `permit` is withheld, one line says which joint and by how much, and nothing moves.
+//! Wiring that does not agree: `permit` is withheld, one line says which joint and by how much, and
+//! nothing moves.
 
 use super::super::run::Machine;
 use super::session::Session;
@@ -8,26 +9,43 @@ fn refuses(test: &str, from: &str, to: &str, line: &str) {
     let machine = Machine::obeying("l2", test, "lockstep=1").unwrap();
     machine.edit_drives(from, to).unwrap();
     let mut session = Session::begin(&machine);
-    // Said once it has lasted for five thousand periods; LinuxCNC's joints are at 0 until it has started.
+    // Said once it has lasted for five thousand periods; LinuxCNC's joints are at 0 until it has
+    // started.
     session.wait("p('gantry-tau.tick') > 7000");
     session.ask("try run.command.state(linuxcnc.STATE_ESTOP_RESET)");
     session.wait("s.task_state != linuxcnc.STATE_ESTOP");
     // Messages pass through LinuxCNC's task.
     session.ask("try time.sleep(0.5)");
-    let told = session.ask("errors");
-    assert_eq!(told.matches("gantry_tau: not permitted to be switched on: ").count(), 1, "{told}");
-    assert!(told.contains(line), "{told}");
+    let shown = session.ask("errors");
+    assert_eq!(
+        shown
+            .matches("gantry_tau: not permitted to be switched on: ")
+            .count(),
+        1,
+        "{shown}"
+    );
+    assert!(shown.contains(line), "{shown}");
     session.ask("try run.command.state(linuxcnc.STATE_ON)");
     session.ask("try time.sleep(0.5)");
     let errors = session.ask("errors");
     assert!(errors.contains("enable input is false"), "{errors}");
-    assert_eq!(session.ask("pins gantry-tau.permit motion.motion-enabled gantry-tau.phase"), "0.0 0.0 5.0");
+    assert_eq!(
+        session.ask("pins gantry-tau.permit motion.motion-enabled gantry-tau.phase"),
+        "0.0 0.0 5.0"
+    );
     session.end();
     let rows = super::read(&machine.file(""), &super::l2());
-    let moved = rows.iter().flat_map(|row| row.reference.iter().zip(&rows[0].reference));
-    let largest = moved.map(|(now, first)| (now - first).abs()).fold(0.0, f64::max);
+    let moved = rows
+        .iter()
+        .flat_map(|row| row.reference.iter().zip(&rows[0].reference));
+    let largest = moved
+        .map(|(now, first)| (now - first).abs())
+        .fold(0.0, f64::max);
     assert!(largest < 1.0, "a reference has moved by {largest} nm");
-    assert!(rows.iter().all(|row| !row.permit && !row.is_on), "never permitted");
+    assert!(
+        rows.iter().all(|row| !row.permit && !row.is_on),
+        "never permitted"
+    );
 }
 
 /// The line of HAL that runs `gantry-tau.read` is forgotten: LinuxCNC takes every joint to be at 0.

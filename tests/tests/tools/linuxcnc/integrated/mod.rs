@@ -1,5 +1,6 @@
-//! The component `gantry_tau` in LinuxCNC, between the motion controller and drives that lag, with the unchanged `gantry-tau client`: the
-//! configurations of `host/linuxcnc/config`, in lock-step, judged period by period.
+//! The component `gantry_tau` in LinuxCNC, between the motion controller and drives that lag, with
+//! the unchanged `gantry-tau client`: the configurations of `host/linuxcnc/config`, in lock-step,
+//! judged period by period.
 
 mod compensation;
 mod ends;
@@ -9,7 +10,7 @@ mod late;
 mod refused;
 mod session;
 
-use gantry_tau::robot_file::{AnyRobotFile, text_of};
+use gantry_tau_machine::robot_file::{AnyRobotFile, text_of};
 
 use super::run::Machine;
 use judged::{Limits, Row, judge, read};
@@ -17,18 +18,41 @@ use session::Session;
 
 /// Trials of this folder.
 pub(super) const TRIALS: &[(&str, super::Check)] = &[
-    ("l2_compensates_while_a_program_runs", || done(compensation::of_l2)),
-    ("f1_compensates_while_a_program_runs", || done(compensation::of_f1)),
-    ("sessions_end_by_machine_off_estop_stop_and_an_unreachable_pose", || done(ends::by_the_machine)),
-    ("sessions_end_by_a_pulled_cable_a_stopped_client_and_a_silent_sensor", || done(ends::by_the_client)),
-    ("killed_linuxcnc_starts_again_where_its_drives_stand", || done(ends::by_a_kill)),
+    ("l2_compensates_while_a_program_runs", || {
+        done(compensation::of_l2)
+    }),
+    ("f1_compensates_while_a_program_runs", || {
+        done(compensation::of_f1)
+    }),
+    (
+        "sessions_end_by_machine_off_estop_stop_and_an_unreachable_pose",
+        || done(ends::by_the_machine),
+    ),
+    (
+        "sessions_end_by_a_pulled_cable_a_stopped_client_and_a_silent_sensor",
+        || done(ends::by_the_client),
+    ),
+    (
+        "killed_linuxcnc_starts_again_where_its_drives_stand",
+        || done(ends::by_a_kill),
+    ),
     ("bursts_hold_offsets", || done(late::bursts)),
     ("floods_do_not_block_the_thread", || done(late::flood)),
-    ("permit_needs_read_to_run", || done(interlock::read_is_forgotten)),
-    ("permit_needs_commands_that_are_not_crossed", || done(interlock::commands_are_crossed)),
-    ("permit_needs_feedback_that_is_not_crossed", || done(interlock::feedback_is_crossed)),
-    ("permit_needs_positions_that_are_not_crossed", || done(interlock::positions_are_crossed)),
-    ("misfits_are_refused_in_one_line_and_nothing_moves", || done(refused::misfits)),
+    ("permit_needs_read_to_run", || {
+        done(interlock::read_is_forgotten)
+    }),
+    ("permit_needs_commands_that_are_not_crossed", || {
+        done(interlock::commands_are_crossed)
+    }),
+    ("permit_needs_feedback_that_is_not_crossed", || {
+        done(interlock::feedback_is_crossed)
+    }),
+    ("permit_needs_positions_that_are_not_crossed", || {
+        done(interlock::positions_are_crossed)
+    }),
+    ("misfits_are_refused_in_one_line_and_nothing_moves", || {
+        done(refused::misfits)
+    }),
 ];
 
 /// A test that fails by panicking.
@@ -59,8 +83,13 @@ fn l2_part(number: u32) -> String {
 }
 
 fn l2() -> Limits<3> {
-    let AnyRobotFile::L2(robot) = AnyRobotFile::named("l2").unwrap() else { panic!("the L2 has three axes") };
-    Limits { axes: robot.limits, nm: [1e6; 3] }
+    let AnyRobotFile::L2(robot) = AnyRobotFile::named("l2").unwrap() else {
+        panic!("the L2 has three axes")
+    };
+    Limits {
+        axes: robot.limits,
+        nm: [1e6; 3],
+    }
 }
 
 /// A robot file with another text; next to the configuration.

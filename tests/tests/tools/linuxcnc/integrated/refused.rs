@@ -13,60 +13,88 @@ fn refuses(test: &str, change: impl Fn(&Machine), why: &str) {
     let is_ready = session.is_ready;
     let said = session.close();
     assert!(!is_ready, "{said}");
-    let lines: Vec<&str> =
-        said.lines().filter(|line| line.starts_with("gantry_tau: ") && !line.contains("rtapi_app_main")).collect();
+    let lines: Vec<&str> = said
+        .lines()
+        .filter(|line| line.starts_with("gantry_tau: ") && !line.contains("rtapi_app_main"))
+        .collect();
     assert_eq!(lines.len(), 1, "{said}");
     assert!(lines[0].contains(why), "{said}");
 }
 
+fn build_for_another_machine(machine: &Machine) {
+    let robot = variant(
+        machine,
+        "other.toml",
+        "\nL = [1.0, 1.1, 1.0]",
+        "\nL = [1.0, 1.1, 1.001]",
+    );
+    let build = target().join("linuxcnc-other");
+    make(&robot, &build, |header| header).unwrap();
+    machine.module(&build.join("gantry_tau.so")).unwrap();
+}
+
 pub(super) fn misfits() {
-    let ini = |from: &'static str, to: &'static str| move |machine: &Machine| machine.edit(from, to).unwrap();
     refuses(
         "joints",
-        ini("JOINTS = 3", "JOINTS = 6"),
+        |machine| machine.edit("JOINTS = 3", "JOINTS = 6").unwrap(),
         "JOINTS = 6, but the modules are built for a machine with 3 joints",
     );
     refuses(
         "travel",
-        ini("MIN_LIMIT = -2000", "MIN_LIMIT = -2001"),
+        |machine| {
+            machine
+                .edit("MIN_LIMIT = -2000", "MIN_LIMIT = -2001")
+                .unwrap()
+        },
         "[JOINT_1]MIN_LIMIT = -2001, beyond the nominal travel of the robot file, -2000",
     );
     refuses(
         "port",
-        ini("file=epochs", "file=epochs port=7001"),
+        |machine| {
+            machine
+                .edit("file=epochs", "file=epochs port=7001")
+                .unwrap()
+        },
         "cannot listen on 127.0.0.1:7001 (sensor_port): Address already in use",
     );
-    let other = |machine: &Machine| {
-        let robot = variant(machine, "other.toml", "\nL = [1.0, 1.1, 1.0]", "\nL = [1.0, 1.1, 1.001]");
-        let build = target().join("linuxcnc-other");
-        make(&robot, &build, |header| header).unwrap();
-        machine.module(&build.join("gantry_tau.so")).unwrap();
-    };
-    refuses("checksum", other, "gantrytaukins and gantry_tau are built for different machines");
+    refuses(
+        "checksum",
+        build_for_another_machine,
+        "gantrytaukins and gantry_tau are built for different machines",
+    );
     not_connected();
 }
 
 /// LinuxCNC loads, says what is missing, does not switch on, and publishes no force.
 fn not_connected() {
     let machine = Machine::obeying("l2", "wires", "lockstep=1").unwrap();
-    machine.edit_drives("=> gantry-tau.enable flipflop", "=> flipflop").unwrap();
+    machine
+        .edit_drives("=> gantry-tau.enable flipflop", "=> flipflop")
+        .unwrap();
     machine.edit_drives("{$i < 6}", "{$i < 5}").unwrap();
     let mut session = Session::begin(&machine);
     session.wait("p('gantry-tau.tick') > 10");
     session.ask("try run.command.state(linuxcnc.STATE_ESTOP_RESET)");
     session.wait("s.task_state != linuxcnc.STATE_ESTOP");
-    let told = session.ask("errors");
+    let shown = session.ask("errors");
     session.ask("try run.command.state(linuxcnc.STATE_ON)");
     session.ask("try time.sleep(0.3)");
     let errors = session.ask("errors");
     assert!(errors.contains("enable input is false"), "{errors}");
-    assert_eq!(session.ask("pins gantry-tau.permit motion.motion-enabled gantry-tau.phase"), "0.0 0.0 5.0");
+    assert_eq!(
+        session.ask("pins gantry-tau.permit motion.motion-enabled gantry-tau.phase"),
+        "0.0 0.0 5.0"
+    );
     session.end();
     for line in [
         "gantry_tau: gantry-tau.enable is not connected: the machine is not permitted to be switched on",
         "gantry_tau: gantry-tau.wrench-0 to -5 are not all connected: no force is published",
     ] {
-        assert_eq!(told.matches(line).count(), 1, "the operator is told once: {told}");
+        assert_eq!(
+            shown.matches(line).count(),
+            1,
+            "the operator sees it once: {shown}"
+        );
     }
     let rows = super::read(&machine.file(""), &super::l2());
     super::judge(&rows, &super::l2());

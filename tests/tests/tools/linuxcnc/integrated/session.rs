@@ -57,7 +57,14 @@ impl Session {
             .unwrap();
         let commands = shell.stdin.take();
         let answers = BufReader::new(shell.stdout.take().unwrap());
-        let mut session = Self { shell, commands, answers, said: String::new(), is_ready: false, _one: one };
+        let mut session = Self {
+            shell,
+            commands,
+            answers,
+            said: String::new(),
+            is_ready: false,
+            _one: one,
+        };
         session.is_ready = session.answer().is_some();
         session
     }
@@ -72,9 +79,15 @@ impl Session {
     /// Carries out a command of the screen. Returns its answer.
     pub(super) fn ask(&mut self, command: &str) -> String {
         writeln!(self.commands.as_mut().unwrap(), "{command}").unwrap();
-        let answer = self.answer().unwrap_or_else(|| panic!("{command}: {}", self.said));
+        let answer = self
+            .answer()
+            .unwrap_or_else(|| panic!("{command}: {}", self.said));
         assert!(!self.said.contains(LATE), "{command}: {}", self.said);
-        assert!(!answer.starts_with("failed"), "{command}: {answer} {}", self.said);
+        assert!(
+            !answer.starts_with("failed"),
+            "{command}: {answer} {}",
+            self.said
+        );
         answer
     }
 
@@ -85,7 +98,10 @@ impl Session {
             let pins =
                 self.ask("pins gantry-tau.phase gantry-tau.cause gantry-tau.permit gantry-tau.missed gantry-tau.tick");
             let errors = self.ask("errors");
-            panic!("waited for {expression}: phase, cause, permit, missed, tick: {pins}; {errors}; {}", self.said);
+            panic!(
+                "waited for {expression}: phase, cause, permit, missed, tick: {pins}; {errors}; {}",
+                self.said
+            );
         }
     }
 
@@ -122,16 +138,25 @@ impl Session {
         let mut process = self.shell.id().to_string();
         // timeout, unshare, and the shell that became LinuxCNC.
         for _ in 0..2 {
-            let children = fs::read_to_string(format!("/proc/{process}/task/{process}/children")).unwrap();
-            process = children.split_whitespace().next().unwrap_or_else(|| panic!("{process}")).to_owned();
+            let children =
+                fs::read_to_string(format!("/proc/{process}/task/{process}/children")).unwrap();
+            process = children
+                .split_whitespace()
+                .next()
+                .unwrap_or_else(|| panic!("{process}"))
+                .to_owned();
         }
         process
     }
 
-    /// A command for the computer that LinuxCNC runs on, as root: in its network and among its processes.
+    /// A command for the computer that LinuxCNC runs on, as root: in its network and among its
+    /// processes.
     fn inside(&self, words: &[&str]) -> Command {
         let mut command = Command::new("nsenter");
-        command.arg(format!("--target={}", self.process())).args(["--net", "--pid", "--"]).args(words);
+        command
+            .arg(format!("--target={}", self.process()))
+            .args(["--net", "--pid", "--"])
+            .args(words);
         command
     }
 
@@ -142,12 +167,27 @@ impl Session {
 
     /// As [`Self::run`], with the folders that LinuxCNC sees, `/proc` among them.
     pub(super) fn run_mounted(&self, words: &[&str]) -> ExitStatus {
-        self.run(&[&["nsenter", &format!("--mount=/proc/{}/ns/mnt", self.process())], words].concat())
+        self.run(
+            &[
+                &[
+                    "nsenter",
+                    &format!("--mount=/proc/{}/ns/mnt", self.process()),
+                ],
+                words,
+            ]
+            .concat(),
+        )
     }
 
     /// Kills LinuxCNC with all its processes.
     pub(super) fn kill(mut self) {
-        assert!(Command::new("kill").args(["-9", &self.process()]).status().unwrap().success());
+        assert!(
+            Command::new("kill")
+                .args(["-9", &self.process()])
+                .status()
+                .unwrap()
+                .success()
+        );
         while self.answer().is_some() {}
     }
 
@@ -155,12 +195,23 @@ impl Session {
     pub(super) fn client(&self, robot: &str) -> Client {
         // Not among LinuxCNC's processes: it outlives them.
         let mut command = Command::new("nsenter");
-        command.arg(format!("--target={}", self.process())).args(["--net", "--"]).arg(program());
+        command
+            .arg(format!("--target={}", self.process()))
+            .args(["--net", "--"])
+            .arg(program());
         command.args(["client", "--robot", robot]);
-        Client(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
+        Client(
+            command
+                .stdin(Stdio::null())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap(),
+        )
     }
 
-    /// Starts a client, again and again until it is let in, and waits until its offsets may act. Taring needs an unloaded sensor.
+    /// Starts a client, again and again until it is let in, and waits until its offsets may act.
+    /// Taring needs an unloaded sensor.
     pub(super) fn obtain(&mut self, robot: &str) -> Client {
         self.unload();
         loop {
@@ -187,7 +238,10 @@ impl Session {
 
     /// Ends LinuxCNC and returns what it said. No period was lost by the samplers.
     pub(super) fn end(mut self) -> String {
-        assert_eq!(self.ask("pins sampler.0.overruns sampler.1.overruns"), "0.0 0.0");
+        assert_eq!(
+            self.ask("pins sampler.0.overruns sampler.1.overruns"),
+            "0.0 0.0"
+        );
         self.close()
     }
 
@@ -218,7 +272,8 @@ impl Session {
 
 impl Drop for Session {
     fn drop(&mut self) {
-        // The end of its input ends the screen, and with it LinuxCNC; `unshare` takes everything inside with it.
+        // The end of its input ends the screen, and with it LinuxCNC; `unshare` takes everything
+        // inside with it.
         self.commands = None;
         let _ = self.shell.wait();
     }
@@ -231,7 +286,13 @@ impl Client {
     /// Sends a signal.
     pub(super) fn signal(&self, signal: &str) {
         let process = self.0.id().to_string();
-        assert!(Command::new("kill").args([&format!("-{signal}"), &process]).status().unwrap().success());
+        assert!(
+            Command::new("kill")
+                .args([&format!("-{signal}"), &process])
+                .status()
+                .unwrap()
+                .success()
+        );
     }
 
     /// Waits for its end. Returns the exit code.

@@ -1,32 +1,42 @@
 //! Sessions of HAL.
 
-use std::fs::{self, File};
+use std::fs::{self, File, Permissions};
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{OnceLock, PoisonError, RwLockWriteGuard};
+
+use tempfile::TempDir;
 
 use super::super::run::{ONE, make};
 use crate::firmware::program;
 
 /// Modules of LinuxCNC that the tests load beside ours.
-const THEIRS: [&str; 7] = ["hal_lib", "mux2", "threads", "sampler", "streamer", "sum2", "scale"];
+const THEIRS: [&str; 7] = [
+    "hal_lib", "mux2", "threads", "sampler", "streamer", "sum2", "scale",
+];
 
 /// Folder of what is built, for all sessions of this process. Everybody may read it.
-fn folder() -> PathBuf {
-    let folder = named();
-    fs::create_dir_all(&folder).unwrap();
-    folder
+fn folder() -> &'static Path {
+    let folder = FOLDER.get_or_init(|| {
+        tempfile::Builder::new()
+            .prefix("gantry-tau-linuxcnc-")
+            .permissions(Permissions::from_mode(0o755))
+            .tempdir()
+            .unwrap()
+    });
+    folder.path()
 }
 
-fn named() -> PathBuf {
-    std::env::temp_dir().join(format!("gantry-tau-linuxcnc-{}", std::process::id()))
-}
+static FOLDER: OnceLock<TempDir> = OnceLock::new();
 
-/// Removes what was built.
+/// Removes what was built: nothing drops a static variable.
 pub(crate) fn remove_folder() {
-    let _ = fs::remove_dir_all(named());
+    if let Some(folder) = FOLDER.get() {
+        let _ = fs::remove_dir_all(folder.path());
+    }
 }
 
 /// `gantry-tau`, built once.
@@ -44,7 +54,11 @@ pub(super) fn modules() -> &'static Path {
         made.unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or("")));
         for module in THEIRS {
             let name = format!("{module}.so");
-            fs::copy(Path::new("/usr/lib/linuxcnc/modules").join(&name), modules.join(&name)).unwrap();
+            fs::copy(
+                Path::new("/usr/lib/linuxcnc/modules").join(&name),
+                modules.join(&name),
+            )
+            .unwrap();
         }
         modules
     })
@@ -68,8 +82,8 @@ pub(super) struct Hal {
 }
 
 impl Hal {
-    /// Starts a session in a folder of this name, and carries the setup out. With `streamed`, lines for its streamer and
-    /// what is added to the thread after the first one, it is recorded.
+    /// Starts a session in a folder of this name, and carries the setup out. With `streamed`, lines
+    /// for its streamer and what is added to the thread after the first one, it is recorded.
     pub(super) fn start(name: &str, setup: &str, streamed: Option<[&str; 2]>) -> Self {
         let (modules, place) = (modules(), folder().join(name));
         let one = ONE.write().unwrap_or_else(PoisonError::into_inner);
@@ -80,11 +94,26 @@ impl Hal {
             fs::write(place.join("functions.hal"), functions).unwrap();
         }
         // The unprivileged user writes there.
-        assert!(Command::new("chown").args(["-R", "65534:65534"]).arg(&place).status().unwrap().success());
+        assert!(
+            Command::new("chown")
+                .args(["-R", "65534:65534"])
+                .arg(&place)
+                .status()
+                .unwrap()
+                .success()
+        );
         let script = folder().join("session.sh");
         fs::write(&script, include_str!("session.sh")).unwrap();
         let mut shell = Command::new("unshare")
-            .args(["--mount", "--ipc", "--pid", "--fork", "--kill-child", "--mount-proc", "sh"])
+            .args([
+                "--mount",
+                "--ipc",
+                "--pid",
+                "--fork",
+                "--kill-child",
+                "--mount-proc",
+                "sh",
+            ])
             .args([script.as_path(), modules, &place])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -93,7 +122,14 @@ impl Hal {
             .unwrap();
         let commands = shell.stdin.take();
         let answers = BufReader::new(shell.stdout.take().unwrap());
-        let mut hal = Self { shell, commands, answers, place, is_ready: false, _one: one };
+        let mut hal = Self {
+            shell,
+            commands,
+            answers,
+            place,
+            is_ready: false,
+            _one: one,
+        };
         hal.is_ready = hal.answer().contains("ready");
         hal
     }
@@ -126,7 +162,11 @@ impl Hal {
         let mut answer = String::new();
         loop {
             let mut line = String::new();
-            assert!(self.answers.read_line(&mut line).unwrap() > 0, "the session is gone: {}", self.said());
+            assert!(
+                self.answers.read_line(&mut line).unwrap() > 0,
+                "the session is gone: {}",
+                self.said()
+            );
             if line == ".\n" {
                 return answer;
             }

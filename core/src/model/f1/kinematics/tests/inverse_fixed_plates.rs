@@ -9,7 +9,10 @@ const STILL: [f64; 3] = [0.0; 3];
 /// Changes of the links' lengths by up to 5 mm, and of their joints by up to 1 mm.
 fn errors() -> impl Strategy<Value = ([f64; LINKS], [[f64; 3]; LINKS])> {
     let joints = prop::array::uniform3(-1e-3..1e-3_f64);
-    (prop::array::uniform6(-5e-3..5e-3_f64), prop::array::uniform6(joints))
+    (
+        prop::array::uniform6(-5e-3..5e-3_f64),
+        prop::array::uniform6(joints),
+    )
 }
 
 fn uneven((lengths, joints): ([f64; LINKS], [[f64; 3]; LINKS])) -> Geometry {
@@ -44,7 +47,8 @@ proptest! {
             let end = place + pose.rotation * geometry.platform_joints_m[link];
             prop_assert!((norm(&(cart - end)) - geometry.lengths_m[link]).abs() < 1e-12);
         }
-        // And forward, which knows nothing of this solver, leads back; a cycle later two solves are enough.
+        // And forward, which knows nothing of this solver, leads back; a cycle later two solves are
+        // enough.
         let back = machine.forward_from(&q, &pose, COLD_ITERATIONS).unwrap().value;
         prop_assert!(apart(&back, &pose) < 1e-10, "{back:?}");
         let moved = place + Vector3::new(6e-4, -6e-4, 5e-4);
@@ -101,22 +105,43 @@ fn the_plates_stay_as_they_are_told() {
     assert!(apart(&turned, &at) < 1e-12);
 }
 
+/// Returns the error of a machine for a tool position (metres), with plates that stay at zero.
+fn refused(
+    geometry: Geometry,
+    place: Vector3<f64>,
+    near: Matrix3<f64>,
+    iterations: u8,
+) -> KinematicsError {
+    kinematics(geometry)
+        .inverse_fixed_plates(&place, &STILL, &near, iterations)
+        .unwrap_err()
+}
+
 #[test]
 fn what_is_not_to_be_had_is_refused_by_its_code() {
     let mut geometry = uneven(([3e-3, -2e-3, 4e-3, -5e-3, 1e-3, 5e-3], [[0.0; 3]; LINKS]));
     let upright = Matrix3::identity();
     let place = Vector3::new(0.05, 0.5, 0.6);
-    let refused = |geometry, place: Vector3<f64>, near, iterations| {
-        kinematics(geometry).inverse_fixed_plates(&place, &STILL, &near, iterations).unwrap_err()
-    };
     for wild in [f64::NAN, f64::INFINITY] {
         let place = Vector3::new(wild, 0.5, 0.6);
-        assert_eq!(refused(geometry, place, upright, 10), KinematicsError::NotFinite);
-        assert_eq!(refused(geometry, Vector3::zeros(), upright * wild, 10), KinematicsError::NotFinite);
+        assert_eq!(
+            refused(geometry, place, upright, 10),
+            KinematicsError::NotFinite
+        );
+        assert_eq!(
+            refused(geometry, Vector3::zeros(), upright * wild, 10),
+            KinematicsError::NotFinite
+        );
     }
-    assert_eq!(refused(geometry, place, -upright, 10), KinematicsError::NotFinite);
+    assert_eq!(
+        refused(geometry, place, -upright, 10),
+        KinematicsError::NotFinite
+    );
     let far = Vector3::new(0.0, 2.0, 0.6);
-    assert_eq!(refused(geometry, far, upright, 10), KinematicsError::Unreachable { arm: 0 });
+    assert_eq!(
+        refused(geometry, far, upright, 10),
+        KinematicsError::Unreachable { arm: 0 }
+    );
     let early = refused(geometry, place, upright, 1);
     assert!(
         matches!(early, KinematicsError::NotConverged { iterations: 1, residual_m } if residual_m > 1e-9),
@@ -129,8 +154,21 @@ fn what_is_not_to_be_had_is_refused_by_its_code() {
     flat.platform_joints_m[5] += shift;
     flat.lengths_m[5] = flat.lengths_m[4];
     let error = refused(flat, place, upright, 10);
-    assert!(matches!(error, KinematicsError::Singular { .. }), "{error:?}");
-    geometry.travel = Some([(-2.0, 0.0), (-2.0, 2.0), (-2.0, 2.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)]);
+    assert!(
+        matches!(error, KinematicsError::Singular { .. }),
+        "{error:?}"
+    );
+    geometry.travel = Some([
+        (-2.0, 0.0),
+        (-2.0, 2.0),
+        (-2.0, 2.0),
+        (0.0, 0.0),
+        (0.0, 0.0),
+        (0.0, 0.0),
+    ]);
     let error = refused(geometry, place, upright, 10);
-    assert!(matches!(error, KinematicsError::OutOfRange { axis: 0, .. }), "{error:?}");
+    assert!(
+        matches!(error, KinematicsError::OutOfRange { axis: 0, .. }),
+        "{error:?}"
+    );
 }

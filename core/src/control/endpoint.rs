@@ -1,0 +1,515 @@
+//! Server side of the protocol: bytes in; references out, then frames on request.
+//!
+//! The endpoint owns the [`Session`], a deframer per connection, the inbox of the coming tick, and
+//! the map from axes to motors. It has no clock and no sockets. Once per cycle, in this order:
+//!
+//! 1. [`Endpoint::feed`] the bytes that were read (and [`Endpoint::open`], [`Endpoint::close`]
+//!    connections);
+//! 2. [`Endpoint::tick`], and write the references that it returns to the drives;
+//! 3. [`Endpoint::poll_transmit`] until it returns `None`, and send the frames;
+//! 4. [`Endpoint::poll_close`] until it returns `None`, and close the connections.
+
+#[cfg(test)]
+pub(crate) mod bench;
+mod motors;
+pub(crate) mod slot;
+
+use core::fmt;
+
+use heapless::Vec;
+
+use crate::control::axis::{Offsets, Reference};
+use crate::control::message::{ClientMessage, PROTOCOL_VERSION, Refusal, ServerMessage};
+use crate::control::session::{
+    Connection, EVENTS, Event, Held, Input, LastWrite, NoRecorder, Output, Record, Session,
+    TickInput,
+};
+use crate::control::wire::{FrameBytes, Kind, encode_server};
+use crate::units::{EpochRange, PositionNm};
+use crate::zip::each;
+
+use slot::Slot;
+
+pub use motors::{MotorMap, MotorMapError};
+pub use slot::Transport;
+
+/// Connections that can be open at once: the owner, and others that receive a Refusal.
+pub const CONNECTIONS: usize = 6;
+/// Largest number of Refusals per tick: one per connection, one per event.
+pub const REFUSALS: usize = CONNECTIONS + EVENTS;
+/// Largest number of frames per tick: the Refusals, a Welcome, a State.
+pub const FRAMES: usize = REFUSALS + 2;
+/// Events of all non-owners together that reach a tick.
+const NON_OWNER_EVENTS: u8 = 5;
+/// Events of the owner that reach a tick: its frames, the flood or broken stream after them, one
+/// Stop behind a flood, its closing.
+const OWNER_EVENTS: usize = 11;
+#[expect(
+    clippy::as_conversions,
+    reason = "u8 to usize is lossless; `From` is not const"
+)]
+const _: () = assert!(
+    OWNER_EVENTS.saturating_add(NON_OWNER_EVENTS as usize) <= EVENTS,
+    "the inbox has room for every event"
+);
+
+/// Error of [`Endpoint::open`]: all [`CONNECTIONS`] are in use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Full;
+
+impl fmt::Display for Full {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "all {CONNECTIONS} connections are in use")
+    }
+}
+
+impl core::error::Error for Full {}
+
+/// Next frame of a tick to be sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Transmit {
+    /// Refusals for another protocol version, by the flags of the slots.
+    Versions,
+    /// Refusal with this index in the output.
+    Refusal(usize),
+    /// The Welcome.
+    Welcome,
+    /// The State.
+    State,
+    /// All frames are sent.
+    Done,
+}
+
+/// Server side of the protocol for `N` axes and `MOTORS` motors.
+#[derive(Clone, Debug)]
+pub struct Endpoint<const N: usize, const MOTORS: usize> {
+    session: Session<N>,
+    motors: MotorMap<N, MOTORS>,
+    slots: Vec<Slot, CONNECTIONS>,
+    /// Input of the coming tick; its events are the inbox.
+    input: Input<N>,
+    /// Events of non-owners in the inbox. They have a budget of their own, so that they cannot
+    /// crowd out the owner's.
+    non_owner_events: u8,
+    next_connection: u64,
+    /// Output of the last tick.
+    output: Option<Output<N>>,
+    /// The references of the last tick are not in force: withheld or refused.
+    refused: bool,
+    transmit: Transmit,
+    /// The frame that was polled last.
+    frame: FrameBytes,
+}
+
+impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
+    /// Creates an endpoint without connections. `epochs` are those that this run of the server may
+    /// grant.
+    #[must_use]
+    pub const fn new(session: Session<N>, motors: MotorMap<N, MOTORS>, epochs: EpochRange) -> Self {
+        Self {
+            session,
+            motors,
+            slots: Vec::new(),
+            input: Input::empty(epochs),
+            non_owner_events: 0,
+            next_connection: 0,
+            output: None,
+            refused: false,
+            transmit: Transmit::Done,
+            frame: FrameBytes::EMPTY,
+        }
+    }
+
+    /// Replaces the epochs that may be granted. Epochs up to the last one granted are never granted
+    /// again.
+    pub const fn set_epochs(&mut self, epochs: EpochRange) {
+        self.input.epochs = epochs;
+    }
+
+    /// The invariant, clause by clause: the session and every deframer are valid; connections are
+    /// in the order of their numbers, which is that of their opening; no connection was read beyond
+    /// its budget, and none has more events than it was read for, so that those that may still
+    /// arrive before the tick find room; the owner has a connection, or its Closed waits.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        self.session.is_valid()
+            && self
+                .slots
+                .iter()
+                .all(|slot| slot.is_valid() && slot.connection.0 < self.next_connection)
+            && self
+                .slots
+                .is_sorted_by(|one, next| one.connection < next.connection)
+            && self.inbox_has_room()
+            && self.owner_is_connected()
+    }
+
+    /// True if the owner has a connection that is not to be closed, or the coming tick learns that
+    /// it has none.
+    fn owner_is_connected(&self) -> bool {
+        let Some(owner) = self.session.owner() else {
+            return true;
+        };
+        self.slots
+            .iter()
+            .any(|slot| slot.connection == owner && !slot.closed)
+            || self.input.events.contains(&(owner, Event::Closed))
+    }
+
+    /// True if the inbox holds no more events of the owner than it was read for, and its Closed;
+    /// and at most [`NON_OWNER_EVENTS`] of others.
+    fn inbox_has_room(&self) -> bool {
+        let owner = self.session.owner();
+        let events = self.input.events.iter();
+        let of_owner = events.filter(|(from, _)| owner == Some(*from)).count();
+        let of_others = self.input.events.len().saturating_sub(of_owner);
+        let slot = self
+            .slots
+            .iter()
+            .find(|slot| owner == Some(slot.connection));
+        of_owner <= slot.map_or(OWNER_EVENTS, Slot::most_events)
+            && of_others <= usize::from(self.non_owner_events)
+            && self.non_owner_events <= NON_OWNER_EVENTS
+    }
+
+    /// Returns the session.
+    #[must_use]
+    pub const fn session(&self) -> &Session<N> {
+        &self.session
+    }
+
+    /// Returns the output of the last tick, with the State as it is sent; `None` before the first.
+    #[must_use]
+    pub const fn output(&self) -> Option<&Output<N>> {
+        self.output.as_ref()
+    }
+
+    /// Returns the events that wait for the coming tick.
+    #[must_use]
+    pub(crate) fn inbox(&self) -> &[(Connection, Event<N>)] {
+        &self.input.events
+    }
+
+    /// True if a connection has its place.
+    #[must_use]
+    pub(crate) fn is_open(&self, connection: Connection) -> bool {
+        self.slots.iter().any(|slot| slot.connection == connection)
+    }
+
+    /// Registers a new connection.
+    ///
+    /// # Errors
+    /// [`Full`]: all [`CONNECTIONS`] are in use. Send [`Endpoint::full_refusal`] to the peer and
+    /// close it.
+    pub fn open(&mut self, transport: Transport) -> Result<Connection, Full> {
+        let connection = Connection(self.next_connection);
+        let slot = Slot::new(connection, transport);
+        self.slots.push(slot).map_err(|_| Full)?;
+        self.next_connection = self.next_connection.saturating_add(1);
+        Ok(connection)
+    }
+
+    /// Returns the frame for a peer without room for its connection.
+    #[must_use]
+    pub fn full_refusal() -> FrameBytes {
+        encode_server(&ServerMessage::<N>::Refusal(Refusal::Unavailable))
+    }
+
+    /// Takes note that a connection is gone: closed by its peer, reset, or closed by the host
+    /// because a write failed.
+    pub fn close(&mut self, connection: Connection) {
+        // Only the first time: repeated, it would fill the inbox.
+        if !self.remove(connection) {
+            return;
+        }
+        if self.session.owner() == Some(connection) {
+            self.post(connection, Event::Closed);
+        } else {
+            self.withdraw(connection);
+        }
+    }
+
+    /// Takes bytes that were read from a stream, or one datagram. Returns the number of frames of
+    /// the connection in the coming tick.
+    ///
+    /// Work is bounded by the length of `bytes`. Frames beyond the budget of a connection are
+    /// dropped: for the owner that ends the session, but a Stop still counts; a non-owner is
+    /// closed.
+    pub fn feed(&mut self, connection: Connection, bytes: &[u8]) -> u8 {
+        let is_owner = self.session.owner() == Some(connection);
+        let mut rest = bytes;
+        let mut begun = false;
+        loop {
+            let Some(slot) = find(&mut self.slots, connection) else {
+                return 0;
+            };
+            // An empty read of a stream has no frame; an empty datagram is a broken one.
+            let nothing = rest.is_empty() && (begun || slot.transport == Transport::Stream);
+            if nothing || !slot.is_read() {
+                return slot.frames;
+            }
+            begun = true;
+            let Some((event, consumed)) = slot.decode(rest, is_owner) else {
+                return slot.frames;
+            };
+            let expelled = slot.closing && !is_owner;
+            rest = rest.get(consumed..).unwrap_or_default();
+            if expelled {
+                self.withdraw(connection);
+            }
+            if let Some(event) = event {
+                self.admit(connection, event, is_owner);
+            }
+        }
+    }
+
+    /// Returns the number of frames of a connection in the coming tick.
+    #[must_use]
+    pub fn frames_of(&self, connection: Connection) -> u8 {
+        let slot = self.slots.iter().find(|slot| slot.connection == connection);
+        slot.map_or(0, |slot| slot.frames)
+    }
+
+    /// True if the coming tick has what a server in lock-step waits for: a Command that answers the
+    /// last State, or an event of the owner that ends the session.
+    #[must_use]
+    pub fn owner_has_answered(&self) -> bool {
+        let session = &self.session;
+        self.input.events.iter().any(|(from, event)| {
+            session.owner() == Some(*from)
+                && match event {
+                    Event::Message(ClientMessage::Command(command)) => {
+                        command.epoch == session.epoch() && command.echo == session.last_tick()
+                    }
+                    Event::Message(ClientMessage::Goodbye(_) | ClientMessage::Stop(_))
+                    | Event::Broken(_)
+                    | Event::Flood
+                    | Event::Closed => true,
+                    Event::Message(ClientMessage::Hello(_))
+                    | Event::Malformed(_)
+                    | Event::Dropped(_) => false,
+                }
+        })
+    }
+
+    /// Runs one cycle and returns the reference of each motor. Write them to the drives before
+    /// anything else.
+    ///
+    /// `None` withholds them: the values in force at the drives are unknown or beyond their limits
+    /// ([`crate::control::session::LastWrite`]), so nothing may be written in this cycle.
+    ///
+    /// Frames of an earlier tick that were not polled are discarded.
+    #[must_use = "the references must be written to the drives"]
+    pub fn tick(&mut self, tick: &TickInput<N>) -> Option<[Reference; MOTORS]> {
+        self.tick_recorded(tick, &mut NoRecorder)
+    }
+
+    /// Runs one cycle as [`Self::tick`] does, and records it.
+    #[must_use = "the references must be written to the drives"]
+    pub fn tick_recorded(
+        &mut self,
+        tick: &TickInput<N>,
+        recorder: &mut impl Record<N>,
+    ) -> Option<[Reference; MOTORS]> {
+        self.complete_input(tick);
+        recorder.before_tick(&self.session);
+        let output = self.output.insert(self.session.tick(&self.input));
+        recorder.after_tick(&self.input, output);
+        let references = if output.withheld {
+            None
+        } else {
+            self.motors.spread(&output.references)
+        };
+        self.input.events.clear();
+        self.refused = false;
+        if references.is_none() {
+            self.write_refused();
+        }
+        self.transmit = Transmit::Versions;
+        self.mark_closed();
+        self.close_lost_owner();
+        references
+    }
+
+    /// Returns the reference of each motor for a cycle in which no tick is run, `cycles` after the
+    /// last one ([`Session::hold`]): a late thread that calls in a burst, for instance. `None`:
+    /// nothing may be written, before the first tick or after references that are not in force.
+    ///
+    /// Tell the next tick the nominal references that were followed, or those of the tick before.
+    #[must_use = "the references must be written to the drives"]
+    pub fn hold(&self, nominal: &[PositionNm; N], cycles: u32) -> Option<Held<MOTORS>> {
+        if self.refused || self.output.is_none() {
+            return None;
+        }
+        let Held {
+            references,
+            follows,
+        } = self.session.hold(nominal, cycles);
+        Some(Held {
+            references: self.motors.spread(&references)?,
+            follows,
+        })
+    }
+
+    /// Takes note that the drives did not take the references of the last tick: its State then
+    /// reports the values that are still in force. Call it before [`Self::poll_transmit`].
+    /// [`TickInput::last_write`] of the next tick says so too; one that says `Accepted` all the
+    /// same is taken for [`LastWrite::Unknown`].
+    #[inline(never)]
+    pub fn write_refused(&mut self) {
+        self.refused = true;
+        let Some(output) = &mut self.output else {
+            return;
+        };
+        for (axis, in_force) in output.state.axes.iter_mut().zip(*self.session.in_force()) {
+            axis.nominal = in_force.nominal;
+            axis.offsets = in_force.offsets;
+        }
+    }
+
+    /// True if the drives took references without offsets in the last tick: the server may end.
+    /// After a refused write it may not, even if zeros were in force before: the drives may have
+    /// taken a part of it.
+    #[must_use]
+    pub fn is_at_zero(&self) -> bool {
+        let at_zero =
+            |output: &Output<N>| each(&output.state.axes).all(|axis| axis.offsets == Offsets::ZERO);
+        !self.refused && self.output.as_ref().is_some_and(at_zero)
+    }
+
+    /// Returns the next frame to send and its recipient: Refusals, the Welcome, the State. `None`
+    /// when all are sent. Nothing is encoded before it is polled.
+    // Not inlined, so that its stack is not added to that of the tick.
+    #[inline(never)]
+    pub fn poll_transmit(&mut self) -> Option<(Connection, &[u8])> {
+        let output = self.output.as_ref()?;
+        loop {
+            let to = match self.transmit {
+                Transmit::Versions => {
+                    let Some(slot) = self.slots.iter_mut().find(|slot| slot.version_mismatch)
+                    else {
+                        self.transmit = Transmit::Refusal(0);
+                        continue;
+                    };
+                    slot.version_mismatch = false;
+                    let supported = PROTOCOL_VERSION;
+                    self.frame
+                        .enclose(Kind::Refusal, &Refusal::Version { supported });
+                    slot.connection
+                }
+                Transmit::Refusal(index) => {
+                    let Some((connection, reason)) = output.refusals.get(index) else {
+                        self.transmit = Transmit::Welcome;
+                        continue;
+                    };
+                    self.transmit = Transmit::Refusal(index.saturating_add(1));
+                    self.frame.enclose(Kind::Refusal, reason);
+                    *connection
+                }
+                Transmit::Welcome => {
+                    self.transmit = Transmit::State;
+                    let Some(connection) = output.welcome else {
+                        continue;
+                    };
+                    self.frame.enclose(Kind::Welcome, &self.session.welcome());
+                    connection
+                }
+                Transmit::State => {
+                    self.transmit = Transmit::Done;
+                    let Some(owner) = output.owner else { continue };
+                    self.frame.enclose(Kind::State, &output.state);
+                    owner
+                }
+                Transmit::Done => return None,
+            };
+            return Some((to, &self.frame));
+        }
+    }
+
+    /// Returns the next connection to close; `None` when none is left. Poll the frames first: the
+    /// last one may be for it.
+    ///
+    /// A connection that is not polled keeps its place among the [`CONNECTIONS`].
+    pub fn poll_close(&mut self) -> Option<Connection> {
+        let connection = self.slots.iter().find(|slot| slot.closed)?.connection;
+        self.remove(connection);
+        Some(connection)
+    }
+
+    /// Removes the slot of a connection. Returns true if it had one.
+    fn remove(&mut self, connection: Connection) -> bool {
+        let open = self.slots.len();
+        self.slots.retain(|slot| slot.connection != connection);
+        self.slots.len() < open
+    }
+
+    /// Queues an event, a non-owner's only within the common budget of non-owners; beyond it the
+    /// non-owner is closed.
+    fn admit(&mut self, connection: Connection, event: Event<N>, is_owner: bool) {
+        if is_owner {
+            return self.post(connection, event);
+        }
+        if self.non_owner_events < NON_OWNER_EVENTS {
+            self.non_owner_events = self.non_owner_events.saturating_add(1);
+            return self.post(connection, event);
+        }
+        if let Some(slot) = find(&mut self.slots, connection) {
+            slot.closing = true;
+        }
+    }
+
+    /// Drops queued events of a closed non-owner, so that a session is never granted to a dead
+    /// connection.
+    fn withdraw(&mut self, connection: Connection) {
+        self.input.events.retain(|(from, _)| *from != connection);
+    }
+
+    /// Queues an event. There is room: [`Self::inbox_has_room`].
+    fn post(&mut self, connection: Connection, event: Event<N>) {
+        self.input.events.push((connection, event)).unwrap_or(());
+    }
+
+    /// Completes the input of the tick: the events are in place.
+    fn complete_input(&mut self, tick: &TickInput<N>) {
+        let owner = self.session.owner();
+        let patience = self.session.config().parameters().handshake_ticks;
+        for slot in &mut self.slots {
+            slot.begin_tick(owner == Some(slot.connection), patience);
+        }
+        self.non_owner_events = 0;
+        self.input.tick = *tick;
+        if self.refused && tick.last_write == LastWrite::Accepted {
+            self.input.tick.last_write = LastWrite::Unknown;
+        }
+    }
+
+    /// Marks the connections without further use for [`Self::poll_close`].
+    fn mark_closed(&mut self) {
+        let Some(output) = &self.output else { return };
+        for slot in &mut self.slots {
+            let connection = slot.connection;
+            let refused = output.refusals.iter().any(|(to, _)| *to == connection);
+            slot.closed |= slot.closing || refused || output.close == Some(connection);
+        }
+    }
+
+    /// Closes a session in the coming tick whose owner has no connection any more.
+    fn close_lost_owner(&mut self) {
+        let Some(owner) = self.session.owner() else {
+            return;
+        };
+        let connected = find(&mut self.slots, owner).is_some_and(|slot| !slot.closed);
+        if !connected {
+            self.post(owner, Event::Closed);
+        }
+    }
+}
+
+/// Returns the slot of a connection.
+fn find(slots: &mut [Slot], connection: Connection) -> Option<&mut Slot> {
+    slots.iter_mut().find(|slot| slot.connection == connection)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,113 @@
+//! The machine that a server moves: simulated, or drives over EtherCAT.
+
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::links::Allowed;
+
+use super::Outcome;
+use super::serve::Serve;
+
+/// Prefix of a bus.
+const ETHERCAT: &str = "ethercat:";
+
+/// Choice of `--plant`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum PlantChoice {
+    /// The simulated machine.
+    Simulated,
+    /// The simulated machine behind emulated drives.
+    Emulated,
+    /// Drives behind a network interface.
+    Interface(String),
+}
+
+impl PlantChoice {
+    /// True if nothing real moves.
+    pub(super) const fn is_simulated(&self) -> bool {
+        matches!(self, Self::Simulated | Self::Emulated)
+    }
+}
+
+impl std::str::FromStr for PlantChoice {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.strip_prefix(ETHERCAT) {
+            None if text == "simulated" => Ok(Self::Simulated),
+            Some("emulated") => Ok(Self::Emulated),
+            Some(interface) if !interface.is_empty() => Ok(Self::Interface(interface.to_owned())),
+            _ => Err(
+                "expected simulated, ethercat:emulated, or ethercat: with the name of a network interface",
+            ),
+        }
+    }
+}
+
+#[cfg(not(all(feature = "ethercat", target_os = "linux")))]
+impl Serve {
+    /// Refuses: this program has no EtherCAT.
+    pub(super) fn serve_bus<K: MachineKind<N>, const N: usize, const M: usize>(
+        &self,
+        _robot: &RobotFile<K, N>,
+        _allowed: &Allowed,
+    ) -> Outcome {
+        Err("this program was built without EtherCAT; build it on Linux, in the repository: cargo install --path host/cli --features ethercat"
+            .into())
+    }
+}
+
+#[cfg(all(feature = "ethercat", target_os = "linux"))]
+impl Serve {
+    /// Serves the drives of a bus.
+    pub(super) fn serve_bus<K: MachineKind<N>, const N: usize, const M: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        allowed: &Allowed,
+    ) -> Outcome {
+        use crate::ethercat::{EthercatError, EthercatPlant, emulated_bus};
+        use gantry_tau_machine::robot_file::Ethercat;
+        use gantry_tau_server::record::TickRecord;
+        use gantry_tau_sim::load_generator::load_generator;
+
+        use super::serve::{Owned, positions_only};
+
+        if let PlantChoice::Interface(interface) = &self.plant {
+            let section = robot
+                .ethercat
+                .as_ref()
+                .ok_or_else(|| EthercatError::NoSection {
+                    file: robot.name.clone(),
+                })?;
+            let state = self.own_state(robot)?;
+            let socket = gantry_tau_ethercat::RawSocket::open(interface)?;
+            let owned = Owned::new(state, self.own_ports(robot, allowed)?);
+            return self.serve(robot, owned, positions_only, || {
+                let mut plant =
+                    EthercatPlant::<_, N, M>::open(robot, section, socket, |start_m| {
+                        self.motion_from(start_m)
+                    })?;
+                let mut faults = plant.fault_log().of_interface(interface);
+                Ok((plant, move |row: &TickRecord<N>| {
+                    drop(faults.see(row.state.phase))
+                }))
+            });
+        }
+        let (hand, tool) = load_generator();
+        let section = robot.ethercat.clone().unwrap_or_else(|| {
+            Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q)
+        });
+        let owned = Owned::new(self.own_state(robot)?, self.own_ports(robot, allowed)?);
+        self.serve(robot, owned, positions_only, || {
+            let bus = emulated_bus::<_, N, M>(robot, &section, tool)?;
+            let mut plant = EthercatPlant::<_, N, M>::open(robot, &section, bus, |start_m| {
+                self.motion_from(start_m)
+            })?;
+            let mut faults = plant.fault_log();
+            let mut load = self.load(hand);
+            Ok((plant, move |row: &TickRecord<N>| {
+                load.update(row.state.phase, row.state.tick);
+                faults.see(row.state.phase);
+            }))
+        })
+    }
+}

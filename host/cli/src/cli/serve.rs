@@ -1,0 +1,582 @@
+//! `gantry-tau serve`.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use crate::demo::Loops;
+use crate::signals;
+use crate::terminal::say;
+use clap::{ArgGroup, Args};
+use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::position_loop::config::LoopConfig;
+use gantry_tau_identify::experiment::campaign_machine::CampaignMachine;
+use gantry_tau_identify::measurements::plan;
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::{RobotFile, RobotFileError, text_of};
+use gantry_tau_record::black_box::writer::BlackBoxWriter;
+use gantry_tau_record::identity;
+use gantry_tau_record::recording::{RecordTo, Recorder, Recording, drain};
+use gantry_tau_server::black_box::swap_channel;
+use gantry_tau_server::links::Allowed;
+use gantry_tau_server::links::gauges::GaugePublisher;
+use gantry_tau_server::links::sensor::SensorPublisher;
+use gantry_tau_server::plant::Plant;
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::publication::{MachineIdentity, Publication};
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::connections::{Listen, Listening};
+use gantry_tau_server::server::cycle::Cycle;
+use gantry_tau_server::server::event_log::{EventLog, Losses};
+use gantry_tau_server::server::{Controls, Server, ServerError, keyboard};
+use gantry_tau_server::state::{
+    Begun, Environment, FirstRun, LatchFlusher, MachineName, MachineState, StatePlace,
+};
+use gantry_tau_sim::load_generator::load_generator;
+use gantry_tau_sim::load_profile::LoadProfile;
+use gantry_tau_sim::machine::SimulatedMachine;
+use gantry_tau_sim::workpiece::Workpiece;
+use gantry_tau_system::privileges;
+
+use super::outputs::{InputFile, NamedInput};
+use super::plant::PlantChoice;
+use super::publication::PublicationOptions;
+use super::recording::RecordLimit;
+use super::{
+    Failure, MachineCommand, Outcome, Pace, address, check_reach, fail, read_keyboard, transport,
+};
+
+/// Run the server with the simulated machine, for this program's client or any other
+///
+/// Runs the server with the simulated machine until Ctrl-C, which ramps every offset to zero first.
+///
+/// While a client is in Obtain, a simulated force acts on the tool in steps. Type `stop`, `rearm`
+/// or `quit` and Enter.
+#[derive(Debug, Args)]
+#[command(group(ArgGroup::new("labcomm_streams").args(["labcomm", "record"]).multiple(true)))]
+pub(crate) struct Serve {
+    /// Address for clients. Traffic is not encrypted; the default is reachable from this machine
+    /// only
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
+    listen: SocketAddr,
+    /// UDP datagrams instead of TCP streams: a lost frame is not repeated and delays no other
+    #[arg(long)]
+    udp: bool,
+    /// Answer only this peer or network; others are closed silently (repeatable). Needed for an
+    /// address that is not of this machine alone
+    #[arg(long, value_name = "IP|IP/BITS")]
+    allow: Vec<String>,
+    /// Address of the simulated force sensor
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
+    sensor: SocketAddr,
+    /// The machine: l2 or f1 (built in), or a robot file
+    #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
+    pub(super) robot: NamedInput,
+    /// The machine's drives: simulated, or over EtherCAT behind a network interface; `emulated`: a
+    /// bus without hardware
+    ///
+    /// EtherCAT needs the drives in the robot file, [[ethercat.drives]], and a program that was
+    /// built with it. Drives in fault are enabled by `rearm`. See docs/ethercat.md.
+    #[arg(
+        long,
+        value_name = "simulated|ethercat:IFACE|ethercat:emulated",
+        default_value = "simulated",
+        hide_default_value = true
+    )]
+    pub(super) plant: PlantChoice,
+    /// Source of the ticks
+    #[arg(long, default_value = "real")]
+    pace: Pace,
+    /// Largest simulated force, N; 0 for none
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 300.0,
+        allow_negative_numbers = true
+    )]
+    force_max: f64,
+    /// Length of each force step, s
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 2.0,
+        allow_negative_numbers = true
+    )]
+    step_seconds: f64,
+    /// Walk through the poses of this plan and pull its levels while a session runs, in place of
+    /// the force steps; for `experiment`
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["force_max", "step_seconds", "motion"])]
+    plan: Option<InputFile>,
+    /// Address of the simulated gauges of a plan
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
+    gauges: SocketAddr,
+    /// Put an elastic workpiece of this stiffness, N/m, below the tool, in place of the force
+    /// steps; for controllers of a force
+    #[arg(long, value_name = "N_PER_M", allow_negative_numbers = true, conflicts_with_all = ["force_max", "step_seconds", "plan"])]
+    workpiece: Option<f64>,
+    /// Distance from the tool at home to the workpiece, um
+    #[arg(
+        long,
+        value_name = "UM",
+        default_value_t = 50.0,
+        allow_negative_numbers = true,
+        requires = "workpiece"
+    )]
+    workpiece_gap: f64,
+    /// Length of a back-and-forth motion of the nominal path on every axis, mm
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    motion: f64,
+    /// Name of the machine among those of this computer: the folder of its state [default: model,
+    /// checksum and address]
+    ///
+    /// The state is the epoch counter, which keeps frames of earlier sessions invalid, and the stop
+    /// latch. One server at a time owns it. It lies in /var/lib/gantry-tau as root and for drives
+    /// over EtherCAT, in the folder of a service that systemd starts, and otherwise in the user's
+    /// state folder. See docs/operation.md.
+    #[arg(long, value_name = "NAME", conflicts_with = "epoch_file")]
+    name: Option<MachineName>,
+    /// File of the epoch counter, in place of that of the machine's name; the stop latch is
+    /// FILE.stop
+    #[arg(long, value_name = "FILE")]
+    epoch_file: Option<PathBuf>,
+    /// The machine has never run: that its state is missing is no loss. Without it a server without
+    /// state starts in Fault, unless the machine is simulated and clients are of this computer
+    #[arg(long)]
+    first_run: bool,
+    /// Record every tick, as CSV, as a stream of LabComm or as MCAP
+    ///
+    /// CSV: one row per tick with references, actual values and force. LabComm: the samples axes,
+    /// state, tool, session_event and drives. MCAP: the same samples as JSON, and the machine as a
+    /// scene for Foxglove.
+    #[arg(long, value_name = "FILE.csv|FILE.labcomm|FILE.mcap")]
+    record: Option<RecordTo>,
+    #[command(flatten)]
+    record_limit: RecordLimit,
+    /// Write a black box (the ticks before and after, bit for bit) at each end of a session and
+    /// each stop, for `gantry-tau replay`
+    #[arg(long, value_name = "FOLDER")]
+    black_box: Option<PathBuf>,
+    #[command(flatten)]
+    publications: PublicationOptions,
+}
+
+impl MachineCommand for Serve {
+    fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(
+        self,
+        robot: RobotFile<K, N>,
+    ) -> Outcome {
+        self.check()?;
+        self.check_interface(&robot)?;
+        let allowed = Allowed::only(&self.allow)?;
+        let gauges = self.plan.is_some().then_some(self.gauges);
+        let own = [Some(self.listen), Some(self.sensor), gauges];
+        for address in own
+            .into_iter()
+            .flatten()
+            .chain(self.publications.addresses())
+        {
+            check_reach(address, &allowed)?;
+        }
+        if self.plant != PlantChoice::Simulated {
+            return self.serve_bus::<K, N, M>(&robot, &allowed);
+        }
+        let Some(path) = &self.plan else {
+            let owned = self.own(&robot, &allowed)?;
+            let (hand, tool) = load_generator();
+            let mut machine =
+                SimulatedMachine::<N, M>::from_robot(&robot, tool, self.motion(&robot)?)?;
+            let mut force_max_n = self.force_max;
+            if let Some(n_per_m) = self.workpiece {
+                let gap_m = self.workpiece_gap * 1e-6;
+                machine =
+                    machine.above(Workpiece::below(&robot.simulation.home_m, n_per_m, gap_m)?);
+                force_max_n = 0.0;
+            }
+            let mut load = LoadProfile::new(hand, force_max_n, self.step_seconds);
+            let loops = Cycle::with_position_loops;
+            return self.serve(&robot, owned, loops, || {
+                Ok((machine, move |row: &TickRecord<N>| {
+                    load.update(row.state.phase, row.state.tick);
+                }))
+            });
+        };
+        let plan = plan::read(path, K::MODEL, &robot.metres_per_q)?;
+        plan.check_wrist(path, robot.wrist.len())?;
+        let owned = self.own(&robot, &allowed)?;
+        let link = GaugePublisher::bind(self.gauges)
+            .map(|link| link.for_peers(allowed.clone()))
+            .map_err(|error| ServerError::listen(self.gauges, &error))?;
+        say(format_args!(
+            "gauges of {} on {}",
+            path.display(),
+            link.address()?
+        ));
+        let machine = CampaignMachine::<N, M>::from_robot(&robot, plan, link)?;
+        let switch = machine.switch();
+        self.serve(&robot, owned, positions_only, || {
+            Ok((machine, |row: &TickRecord<N>| switch.see(row)))
+        })
+    }
+}
+
+/// Loops of a machine that takes positions; [`Serve::check_interface`] has refused velocities.
+pub(super) fn positions_only<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: Cycle<N, M, P>,
+    _: Option<[LoopConfig; N]>,
+) -> Result<Cycle<N, M, P>, ServerError> {
+    Ok(cycle)
+}
+
+/// Ownership of a server before its first effect; given back in the reverse order of taking.
+pub(super) struct Owned {
+    ports: Ports,
+    state: MachineState,
+}
+
+impl Owned {
+    pub(super) const fn new(state: MachineState, ports: Ports) -> Self {
+        Self { ports, state }
+    }
+}
+
+/// Addresses of a server.
+pub(super) struct Ports {
+    clients: Listening,
+    sensor: SensorPublisher,
+    publications: Vec<Publication>,
+}
+
+impl Serve {
+    /// Serves the machine that `open` finds, until the quit; what it returns beside the machine
+    /// sees every row. Until `open` is called no machine has been touched; `docs/operation.md`
+    /// lists the order.
+    pub(super) fn serve<
+        K: MachineKind<N>,
+        P: Plant<N, M> + 'static,
+        E: FnMut(&TickRecord<N>),
+        const N: usize,
+        const M: usize,
+    >(
+        &self,
+        robot: &RobotFile<K, N>,
+        owned: Owned,
+        loops: Loops<N, M, P>,
+        open: impl FnOnce() -> Result<(P, E), Box<dyn std::error::Error>>,
+    ) -> Outcome {
+        let capabilities = match self.pace {
+            Pace::Real => Capabilities::NONE,
+            Pace::Lockstep => Capabilities::LOCKSTEP,
+        };
+        let config = robot.session_config(capabilities)?;
+        let motors = robot.motor_map()?;
+        let Owned {
+            ports:
+                Ports {
+                    clients,
+                    sensor,
+                    publications,
+                },
+            state,
+        } = owned;
+        let sensor_address = sensor.address()?;
+        let ports = publications
+            .iter()
+            .map(|port| Ok(format!(", LabComm on {}", port.address()?)));
+        let ports = ports.collect::<std::io::Result<String>>()?;
+        let (sensors, mut publications): (Vec<_>, Vec<_>) = publications
+            .into_iter()
+            .partition(Publication::is_of_sensors);
+        let Begun {
+            epochs,
+            latch,
+            condition,
+            lock,
+        } = state.begin(self.first_run())?;
+        if condition.is_latched() {
+            tracing::warn!("{condition}");
+        }
+        // Before the machine is touched: a recording that is refused must not cost it a start.
+        let mut file = match &self.record {
+            Some(to) => {
+                let to = self.record_limit.of(self.publications.recorded(to));
+                Some(Recorder::start(Recording::create::<TickRecord<N>, K>(
+                    &to, robot,
+                )?)?)
+            }
+            None => None,
+        };
+        let mut black_boxes = None;
+        let mut sender = None;
+        if let Some(folder) = &self.black_box {
+            let (cycles, windows) = swap_channel::channel();
+            sender = Some(cycles);
+            black_boxes = Some(BlackBoxWriter::open(folder, windows)?.start()?);
+        }
+        let (machine, mut each) = open()?;
+        let cycle = Cycle::listening(config, motors, machine, epochs, latch, clients)?;
+        let mut cycle = loops(cycle, robot.position_loops)?
+            .with_sensor(sensor)
+            .with_sensors(sensors);
+        if let Some(sender) = sender {
+            cycle = cycle.with_black_box(sender);
+        }
+        if let Err(denied) = gantry_tau_server::realtime::lock_memory() {
+            tracing::warn!("no {}: {}", denied.privilege, denied.reason);
+        }
+        let mut flusher = LatchFlusher::of(cycle.latch())
+            .map_err(|error| ServerError::Thread(error.to_string()))?;
+        let controls = Arc::new(Controls::default());
+        let quit = Arc::clone(&controls);
+        signals::on_quit(move || quit.quit.store(true, Ordering::Relaxed));
+        let (server, mut rows) = Server::spawn_controlled(cycle, self.pace.into(), controls)?;
+        self.give_up_privileges();
+        say(format_args!(
+            "listening on {}{}, force sensor on {sensor_address}{ports}; Ctrl-C ramps to zero and ends",
+            server.address,
+            if self.udp { " (UDP)" } else { "" },
+        ));
+        listen_to_the_keyboard(Arc::clone(&server.controls));
+        let mut events = EventLog::default();
+        let mut losses = Losses::default();
+        drain(&mut rows, |row, is_last| {
+            each(row);
+            let mut happened = events.see(row);
+            let is_behind = server.controls.dropped_rows.load(Ordering::Relaxed) > 0;
+            let recording = file.as_ref().is_some_and(Recorder::loses_rows);
+            happened.extend(losses.see(row.state.tick.0, is_behind, recording));
+            for port in &mut publications {
+                port.publish(row, &happened);
+                if is_last {
+                    port.flush();
+                }
+            }
+            flusher.see(row.latched, row.latch_lost);
+            if let Some(file) = &mut file {
+                file.push(*row, happened);
+            }
+        });
+        let controls = Arc::clone(&server.controls);
+        let mut code = match server.quit() {
+            Ok(_) => {
+                say("all offsets are zero; ended");
+                ExitCode::SUCCESS
+            }
+            Err(error @ (ServerError::StillInForce { .. } | ServerError::StopNotStored)) => {
+                // The latch's writer may still come to it: until the process is gone the latch is
+                // this one's.
+                std::mem::forget(lock);
+                fail(
+                    if error == ServerError::StopNotStored {
+                        4
+                    } else {
+                        3
+                    },
+                    error,
+                )
+            }
+            Err(error) => return Err(error.into()),
+        };
+        // Before the lock: a second start finds nothing half free.
+        drop(publications);
+        flusher.finish();
+        let dropped = controls.dropped_rows.load(Ordering::Relaxed);
+        let boxes = black_boxes
+            .and_then(|boxes| boxes.finish().err())
+            .map(|failure| failure.to_string());
+        let recorded = file.and_then(|file| file.finish(dropped));
+        if let Some(recorded) = &recorded {
+            say(recorded);
+        }
+        let recording = recorded
+            .and_then(|recorded| recorded.failure)
+            .map(|failure| failure.to_string());
+        for failure in [recording, boxes].into_iter().flatten() {
+            let failed = fail(1, failure);
+            // What the machine or the latch may have says more.
+            if code == ExitCode::SUCCESS {
+                code = failed;
+            }
+        }
+        Ok(code)
+    }
+
+    /// Owns state and ports, in this order.
+    fn own<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        allowed: &Allowed,
+    ) -> Result<Owned, Box<dyn std::error::Error>> {
+        let state = self.own_state(robot)?;
+        Ok(Owned::new(state, self.own_ports(robot, allowed)?))
+    }
+
+    /// Owns the state of the machine.
+    pub(super) fn own_state<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+    ) -> Result<MachineState, Box<dyn std::error::Error>> {
+        let place = match &self.epoch_file {
+            Some(file) => StatePlace::named(file),
+            None => {
+                let name = self
+                    .name
+                    .clone()
+                    .unwrap_or_else(|| MachineName::of(K::MODEL, robot.checksum(), self.listen));
+                Environment::of_process().place(&name, self.plant.is_simulated())?
+            }
+        };
+        tracing::debug!("state of the machine: {}", place.epoch_file.display());
+        Ok(MachineState::own(
+            &place,
+            &format!("serve, {} on {}", K::MODEL, self.listen),
+        )?)
+    }
+
+    /// Owns the addresses for clients, sensor and LabComm, in this order.
+    pub(super) fn own_ports<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        allowed: &Allowed,
+    ) -> Result<Ports, Box<dyn std::error::Error>> {
+        let listen = Listen {
+            address: self.listen,
+            transport: transport(self.udp),
+            allowed: allowed.clone(),
+        };
+        let clients = Listening::bind(&listen)?;
+        let sensor = SensorPublisher::bind(self.sensor)
+            .map(|sensor| sensor.for_peers(allowed.clone()))
+            .map_err(|error| ServerError::listen(self.sensor, &error))?;
+        let publications = self.publications.bind::<N>(
+            allowed,
+            &self.machine(robot),
+            robot.simulation.gauge_resolution_m,
+        )?;
+        Ok(Ports {
+            clients,
+            sensor,
+            publications,
+        })
+    }
+
+    /// Identity of the machine for readers of samples.
+    fn machine<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+    ) -> MachineIdentity {
+        // One that was changed meanwhile has another checksum, and no reader draws it.
+        let text = text_of(&self.robot).unwrap_or_default();
+        MachineIdentity {
+            lockstep: u8::from(self.pace == Pace::Lockstep),
+            ..identity::machine(robot, &text)
+        }
+    }
+
+    /// Knowledge of the command line about a machine without state.
+    const fn first_run(&self) -> FirstRun {
+        if self.first_run {
+            FirstRun::Declared
+        } else if self.plant.is_simulated() && self.listen.ip().is_loopback() {
+            FirstRun::Harmless
+        } else {
+            FirstRun::Unexpected
+        }
+    }
+
+    /// Gives up the privileges of the main thread, and so of every thread that it starts from here
+    /// on.
+    fn give_up_privileges(&self) {
+        let recording = self.record.as_ref().map(|to| to.path().to_owned());
+        // The files of the state are open.
+        let files: Vec<PathBuf> = [recording, self.black_box.clone()]
+            .into_iter()
+            .flatten()
+            .collect();
+        match privileges::give_up(&files) {
+            Ok(None) => {}
+            Ok(Some(file)) => tracing::warn!(
+                "the capability CAP_DAC_OVERRIDE is kept, to write {}, which belongs to another user; start the server as that user",
+                file.display()
+            ),
+            Err(error) => tracing::warn!("the privileges cannot be given up: {error}"),
+        }
+    }
+
+    fn check(&self) -> Result<(), &'static str> {
+        if !(0.0..=2_000.0).contains(&self.force_max) {
+            return Err("--force-max must be from 0 to 2000 N");
+        }
+        if !(0.1..=3_600.0).contains(&self.step_seconds) {
+            return Err("--step-seconds must be from 0.1 to 3600");
+        }
+        if self.plant != PlantChoice::Simulated && (self.plan.is_some() || self.workpiece.is_some())
+        {
+            return Err("--plan and --workpiece need the simulated machine: --plant simulated");
+        }
+        if !(-1_000.0..=1_000.0).contains(&self.motion) {
+            return Err("--motion must be from -1000 to 1000 mm");
+        }
+        Ok(())
+    }
+
+    /// Checks that the machine takes velocities, if its robot file has position loops for it.
+    fn check_interface<K, const N: usize>(&self, robot: &RobotFile<K, N>) -> Result<(), Failure> {
+        let needs = match (&self.plant, &self.plan) {
+            (PlantChoice::Simulated, None) => return Ok(()),
+            (PlantChoice::Simulated, Some(_)) => "--plan needs",
+            _ => "drives over EtherCAT (--plant) take",
+        };
+        match robot.position_loops {
+            None => Ok(()),
+            Some(_) => Err(format!(
+                "{}: drives.interface: is \"velocity\"; {needs} \"position\"",
+                robot.name
+            )
+            .into()),
+        }
+    }
+
+    fn motion<K: MachineKind<N>, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+    ) -> Result<Motion<N>, RobotFileError> {
+        let home_q = robot.home_q()?;
+        let scale = robot.metres_per_q;
+        let mut home_m = home_q;
+        for (place, scale) in home_m.iter_mut().zip(scale) {
+            *place *= scale;
+        }
+        Ok(self.motion_from(home_m))
+    }
+
+    /// The motion of the nominal path from where the axes stand, m.
+    pub(super) fn motion_from<const N: usize>(&self, start_m: [f64; N]) -> Motion<N> {
+        if self.motion == 0.0 {
+            return Motion::Hold;
+        }
+        Motion::BackAndForth {
+            waypoints_m: vec![start_m.map(|place| place + self.motion * 1e-3)],
+            speed_m_per_s: 0.02,
+            acceleration_m_per_s2: 0.5,
+            dwell_cycles: 500,
+        }
+    }
+
+    /// The force steps on a simulated tool.
+    #[cfg(all(feature = "ethercat", target_os = "linux"))]
+    pub(super) fn load(&self, hand: gantry_tau_sim::load_generator::LoadGenerator) -> LoadProfile {
+        LoadProfile::new(hand, self.force_max, self.step_seconds)
+    }
+}
+
+/// Reads the keyboard in a thread that ends with the process.
+fn listen_to_the_keyboard(controls: Arc<Controls>) {
+    read_keyboard(move |input| keyboard::listen(input, &controls));
+}

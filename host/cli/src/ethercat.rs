@@ -1,0 +1,11 @@
+//! Drives over EtherCAT behind [`Plant`](gantry_tau_server::plant::Plant): units, axes, and what is
+//! in force. The bus is `gantry_tau_ethercat`'s.
+
+mod emulated;
+mod initial_state;
+mod open;
+mod plant;
+
+pub use emulated::{EmulatedBus, EmulatedMachine, emulated_bus};
+pub use open::EthercatError;
+pub use plant::{EthercatPlant, FaultLog, MachineWire};

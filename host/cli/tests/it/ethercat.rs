@@ -1,0 +1,145 @@
+//! `serve --plant ethercat:`, run as a user runs it. The program under test is built with the
+//! features of these tests: with EtherCAT by `cargo test` of the whole workspace, without it by
+//! `cargo test -p gantry-tau`. Each finds what it should.
+
+use std::process::Stdio;
+
+use crate::process::{Ended, Folder, address_behind};
+
+/// The program was built with EtherCAT.
+const HAS_ETHERCAT: bool = cfg!(all(feature = "ethercat", target_os = "linux"));
+const FREE: &str = "127.0.0.1:0";
+
+/// The L2's robot file with another section.
+fn robot(section: &str) -> String {
+    let robot =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/l2.toml"))
+            .unwrap();
+    format!("{robot}\n{section}")
+}
+
+/// The L2's drives on a bus.
+fn bus() -> String {
+    let drives = [1_001, 1_002, 1_003].map(|alias| {
+        format!(
+            "[[ethercat.drives]]\nalias = {alias}\nvendor = 0x0A11\nproduct = 1\ncounts_per_q = 104857600.0\nsign = 1\nzero_counts = 0\n"
+        )
+    });
+    format!(
+        "[ethercat]\ncycle_us = 1000\nwatchdog_cycles = 5\n{}",
+        drives.concat()
+    )
+}
+
+fn serve(folder: &Folder, robot: &str, plant: &str) -> Ended {
+    folder.run(&[
+        "serve", "--robot", robot, "--listen", FREE, "--sensor", FREE, "--plant", plant,
+    ])
+}
+
+/// Without the feature the program says so, for any bus.
+fn assert_built_without(ended: Ended) {
+    let said = ended.failure(1);
+    assert!(
+        said.contains("built without EtherCAT") && said.contains("--features ethercat"),
+        "{said}"
+    );
+}
+
+#[test]
+fn an_emulated_bus_is_served_and_ends_in_order() {
+    let folder = Folder::new("ethercat-emulated");
+    folder.write("drives.toml", &robot("[drives]\n"));
+    folder.write("bus.toml", &robot(&bus()));
+    for file in ["l2", "drives.toml", "bus.toml"] {
+        let arguments = [
+            "serve",
+            "--robot",
+            file,
+            "--listen",
+            FREE,
+            "--sensor",
+            FREE,
+            "--pace",
+            "lockstep",
+            "--plant",
+            "ethercat:emulated",
+        ];
+        let mut server = folder.start_with("serve", &arguments, Stdio::piped());
+        if !HAS_ETHERCAT {
+            assert_built_without(server.end());
+            continue;
+        }
+        server.await_words("Ctrl-C");
+        let said = server.stdout();
+        let [listen, sensor] =
+            ["listening on ", "force sensor on "].map(|words| address_behind(&said, words));
+        let mut client = folder.start(
+            "client",
+            &["client", &listen, "--sensor", &sensor, "--robot", file],
+        );
+        server.await_words("Submit -> Obtain");
+        server.write("quit\n");
+        let ended = server.end();
+        assert_eq!(
+            ended.stderr.contains("drives.toml: drives: not used"),
+            file == "drives.toml",
+            "{}",
+            ended.stderr
+        );
+        assert!(!ended.stderr.contains("EtherCAT: "), "{}", ended.stderr);
+        assert!(ended.success().contains("all offsets are zero; ended"));
+        client.await_that("the client's end", |client| {
+            client.stderr().contains("ended") || client.stdout().contains("ended")
+        });
+    }
+}
+
+#[test]
+fn a_bus_that_is_not_there_is_an_error() {
+    let folder = Folder::new("ethercat-missing");
+    folder.write("bus.toml", &robot(&bus()));
+    let ended = [
+        serve(&folder, "l2", "ethercat:nosuch"),
+        serve(&folder, "bus.toml", "ethercat:nosuch"),
+    ];
+    if !HAS_ETHERCAT {
+        ended.into_iter().for_each(assert_built_without);
+        return;
+    }
+    let [no_section, no_interface] = ended.map(|ended| ended.failure(1));
+    let expected = "gantry-tau: robots/l2.toml (built in): ethercat: is missing; list the drive of each motor in [[ethercat.drives]]";
+    assert_eq!(no_section, expected);
+    // Who may not open raw sockets gets that reason first.
+    let reasons = [
+        "there is no network interface nosuch; `ip link` lists them",
+        "raw sockets are not permitted",
+    ];
+    assert!(
+        reasons.iter().any(|reason| no_interface.contains(reason)),
+        "{no_interface}"
+    );
+}
+
+#[test]
+fn another_word_is_refused_with_the_choices() {
+    let folder = Folder::new("ethercat-word");
+    for plant in ["ethercat:", "ethercat", "simulation"] {
+        let said = serve(&folder, "l2", plant).failure(2);
+        assert!(
+            said.contains("expected simulated, ethercat:emulated, or ethercat: with the name"),
+            "{said}"
+        );
+    }
+    folder.write(
+        "bus.toml",
+        &robot(&bus().replace("watchdog_cycles = 5", "watchdog_cycles = 100")),
+    );
+    let said = serve(&folder, "bus.toml", "ethercat:emulated").failure(1);
+    assert!(
+        said.starts_with(
+            "gantry-tau: bus.toml: ethercat.watchdog_cycles: is 100; expected from 1 to 10"
+        ),
+        "{said}"
+    );
+}

@@ -1,0 +1,246 @@
+//! The compensating client `[T 5.1.2]`: measures the force on the tool, computes the deflection of
+//! the springs, sends offsets.
+//!
+//! | item | contents |
+//! |---|---|
+//! | [`run`] | the compensating client: connects, tares, compensates, leaves |
+//! | [`Connection`] | a session over TCP or UDP, for clients that compute offsets of their own |
+//! | [`Compensation`] | from a force and the positions of the axes to offsets |
+//! | [`force_sensor`] | sources of the measured force |
+//! | [`operator`] | commands that are typed while the client runs |
+//!
+//! A client of one's own:
+//!
+#![doc = concat!("```\n", include_str!("../examples/own_client.rs"), "```")]
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, reason = "tests write files of their own")
+)]
+#![deny(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "they panic when the stream fails"
+)]
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::as_conversions,
+    reason = "off the reference path; release builds keep their overflow checks, and `as` saturates where floats become integers"
+)]
+
+mod compensate;
+mod connection;
+pub mod force_sensor;
+pub mod operator;
+mod run;
+
+use std::fmt;
+use std::io;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use gantry_tau_core::control::client as protocol;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::message::{Cause, Refusal, State, Welcome};
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_record::recording::{RecordTo, Recorded};
+use gantry_tau_server::links::sensor::Sample;
+use gantry_tau_system::dial::Addresses;
+
+use crate::force_sensor::SensorSource;
+pub use compensate::{Compensation, SetupError};
+pub use connection::Connection;
+pub use connection::connected_datagrams;
+pub use run::{run, run_observed};
+
+/// Options of a client.
+#[derive(Clone, Debug)]
+pub struct ClientOptions<K, const N: usize> {
+    /// Addresses of the server, of which the first that answers is taken.
+    pub server: Addresses,
+    /// TCP or UDP.
+    pub transport: Transport,
+    /// The force sensor.
+    pub sensor: SensorSource,
+    /// The machine.
+    pub robot: RobotFile<K, N>,
+    /// File of the recording, if any.
+    pub record: Option<RecordTo>,
+    /// Ask for Obtain once the sensor is tared.
+    pub obtain: bool,
+}
+
+/// Switches for other threads, and the progress of the client.
+#[derive(Debug, Default)]
+pub struct ClientControls {
+    /// Leave with Goodbye.
+    pub quit: AtomicBool,
+    /// Ask for Obtain (once the sensor is tared); otherwise for Submit.
+    pub obtain: AtomicBool,
+    /// Share of the correction to ask for from the next cycle on, 0 to 1, in place of
+    /// `[client] gain`. Only targets change: the server approaches them within its limits.
+    pub gain: Mutex<Option<f64>>,
+    /// The sensor is tared.
+    pub tared: AtomicBool,
+    /// Commands sent.
+    pub commands: AtomicU64,
+}
+
+/// Sees what passes through a client. It runs in the client's thread, after each answer, and has
+/// the rest of the cycle.
+pub trait Observer<const N: usize> {
+    /// The session is granted.
+    fn welcomed(&mut self, welcome: &Welcome<N>);
+
+    /// A State was answered; `sample` is the force sensor's, if a new one came with it.
+    ///
+    /// # Errors
+    /// The client leaves with Goodbye and returns the error.
+    fn answered(&mut self, state: &State<N>, sample: Option<&Sample>) -> Result<(), ClientError>;
+}
+
+/// Sees nothing.
+impl<const N: usize> Observer<N> for () {
+    fn welcomed(&mut self, _: &Welcome<N>) {}
+
+    fn answered(&mut self, _: &State<N>, _: Option<&Sample>) -> Result<(), ClientError> {
+        Ok(())
+    }
+}
+
+/// Summary of a client's session.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ClientReport {
+    /// States received.
+    pub states: u64,
+    /// Cycles whose correction could not be computed; the last one was sent again.
+    pub held: u64,
+    /// Cycles whose correction was cut at the limit of an axis.
+    pub saturated: u64,
+    /// The recording.
+    pub recorded: Option<Recorded>,
+}
+
+/// Error of a client: every end of its session but its own Goodbye.
+#[derive(Debug)]
+pub enum ClientError {
+    /// No answer at an address.
+    Unreachable {
+        /// The peer: "server" or "force sensor".
+        what: &'static str,
+        /// Its addresses.
+        address: Addresses,
+        /// Error of the system.
+        error: io::Error,
+    },
+    /// The server refused the session.
+    Refused(Refusal),
+    /// The server's cycle, machine or protocol is not the client's.
+    Incompatible(String),
+    /// The server ended the session.
+    Ended(Cause),
+    /// The server is silent, or its connection is gone.
+    Vanished(String),
+    /// The force sensor is silent, or its connection is gone.
+    SensorSilent(String),
+    /// The gauges of a campaign are gone.
+    GaugesSilent(String),
+    /// The machine's model or the recording cannot be used.
+    Setup(String),
+    /// The client was asked to leave before a session was granted.
+    Quit,
+}
+
+impl From<protocol::ClientError> for ClientError {
+    fn from(error: protocol::ClientError) -> Self {
+        match error {
+            protocol::ClientError::GoodbyeUnheard { states } => Self::Vanished(format!(
+                "it has not acknowledged the Goodbye within {states} States"
+            )),
+            error @ protocol::ClientError::Checksum { .. } => Self::Incompatible(format!(
+                "{error}: geometry or metres_per_q differ; give both the same robot file (--robot)"
+            )),
+            error => Self::Incompatible(error.to_string()),
+        }
+    }
+}
+
+impl ClientError {
+    /// Returns the error of a peer to which no connection could be made, or the wish to leave that
+    /// ended the attempt.
+    pub fn unreachable(what: &'static str, address: &Addresses, error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::Interrupted => Self::Quit,
+            _ => Self::Unreachable {
+                what,
+                address: address.clone(),
+                error,
+            },
+        }
+    }
+
+    /// Returns the exit code of the command line.
+    #[must_use]
+    pub const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Quit => 0,
+            Self::Setup(_) => 1,
+            Self::Unreachable { .. } => 3,
+            Self::Refused(_) => 4,
+            Self::Incompatible(_) => 5,
+            Self::Ended(_) => 6,
+            Self::Vanished(_) => 7,
+            Self::SensorSilent(_) => 8,
+            Self::GaugesSilent(_) => 9,
+        }
+    }
+}
+
+impl fmt::Display for ClientError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unreachable {
+                what,
+                address,
+                error,
+            } => {
+                write!(f, "the {what} at {address} cannot be reached: {error}")
+            }
+            Self::Refused(refusal @ Refusal::Faulted { .. }) => {
+                write!(
+                    f,
+                    "refused: {refusal} (type `rearm` where `gantry-tau serve` runs)"
+                )
+            }
+            Self::Refused(refusal) => write!(f, "refused: {refusal}"),
+            Self::Incompatible(reason) => write!(f, "incompatible server: {reason}"),
+            Self::Ended(cause) => write!(f, "the server ended the session: {cause}"),
+            Self::Vanished(reason) => write!(f, "the server vanished: {reason}"),
+            Self::SensorSilent(reason) => write!(f, "no force samples: {reason}"),
+            Self::GaugesSilent(reason) => write!(f, "no gauges: {reason}"),
+            Self::Setup(reason) => f.write_str(reason),
+            Self::Quit => f.write_str("left before a session was granted"),
+        }
+    }
+}
+
+impl std::error::Error for ClientError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lost_goodbye_is_a_vanished_server_and_a_broken_protocol_an_incompatible_one() {
+        let lost = ClientError::from(protocol::ClientError::GoodbyeUnheard { states: 100 });
+        assert_eq!(lost.exit_code(), 7);
+        assert!(lost.to_string().contains("within 100 States"), "{lost}");
+        let (expected_us, received_us) = (1_000, 2_000);
+        let broken = ClientError::from(protocol::ClientError::Cycle {
+            expected_us,
+            received_us,
+        });
+        assert_eq!(broken.exit_code(), 5);
+        assert!(broken.to_string().contains("2000 us"), "{broken}");
+    }
+}

@@ -1,0 +1,314 @@
+//! A client's session from Hello to Goodbye.
+
+use std::error::Error;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::client::{Event, Requirements};
+use gantry_tau_core::control::message::{Capabilities, Cause, Mode, State};
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::OffsetNm;
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::CYCLE_US;
+use gantry_tau_record::recording::{ClientRow, Recorder, Recording, SessionEvents};
+use gantry_tau_server::links::sensor::Sample;
+
+use super::compensate::Compensation;
+use super::connection::Connection;
+use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
+use crate::force_sensor::SensorConnection;
+
+/// Longest time for each step: to connect, to be welcomed, to hear the next State, to leave. A
+/// server that takes longer has vanished.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// States that the last usable force sample may serve.
+const SAMPLE_STATES: u64 = 100;
+/// States to wait for the first sample: a sensor whose places are taken by readers that read
+/// nothing has dropped them by then.
+const FIRST_SAMPLE_STATES: u64 = 3_000;
+
+struct ClientSession<'a, const N: usize> {
+    link: Connection<'a, N>,
+    sensor: SensorConnection,
+    sample: Option<Sample>,
+    compensation: Compensation<N>,
+    targets: [OffsetNm; N],
+    /// Axes whose last correction was cut at its limit.
+    cut: [bool; N],
+    controls: &'a ClientControls,
+    observer: &'a mut dyn Observer<N>,
+    recorder: Option<Recorder<ClientRow<N>, N>>,
+    events: SessionEvents,
+    report: ClientReport,
+    states_without_sample: u64,
+    held_in_a_row: u64,
+    obtaining: bool,
+}
+
+/// Connects, submits, obtains, and leaves when asked to.
+///
+/// # Errors
+/// [`ClientError`] for every other end. In each of them the server ramps the offsets to zero by
+/// itself.
+pub fn run<K: MachineKind<N>, const N: usize>(
+    options: &ClientOptions<K, N>,
+    controls: &ClientControls,
+) -> Result<ClientReport, ClientError> {
+    run_observed(options, controls, &mut ())
+}
+
+/// As [`run`], with an observer. The report of a client that was asked to leave before a session was
+/// granted has no States.
+///
+/// # Errors
+/// As [`run`], and the observer's.
+pub fn run_observed<K: MachineKind<N>, const N: usize>(
+    options: &ClientOptions<K, N>,
+    controls: &ClientControls,
+    observer: &mut dyn Observer<N>,
+) -> Result<ClientReport, ClientError> {
+    match hold_session(options, controls, observer) {
+        Err(ClientError::Quit) => Ok(ClientReport::default()),
+        ended => ended,
+    }
+}
+
+fn hold_session<K: MachineKind<N>, const N: usize>(
+    options: &ClientOptions<K, N>,
+    controls: &ClientControls,
+    observer: &mut dyn Observer<N>,
+) -> Result<ClientReport, ClientError> {
+    let requirements = Requirements {
+        capabilities: Capabilities::LOCKSTEP,
+        cycle_us: Some(CYCLE_US),
+        kinematics_checksum: Some(options.robot.checksum()),
+    };
+    let (transport, server) = (options.transport, options.server.clone());
+    let mut link =
+        Connection::open_unless(&controls.quit, transport, server, PATIENCE, requirements)?;
+    let sensor = SensorConnection::connect(&options.sensor, &controls.quit).map_err(|error| {
+        ClientError::unreachable("force sensor", options.sensor.address(), error)
+    })?;
+    // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing
+    // moves yet.
+    let recorder = options
+        .record
+        .as_ref()
+        .map(|to| Recorder::start(Recording::create::<ClientRow<N>, K>(to, &options.robot)?));
+    let recorder = recorder.transpose();
+    let recorder = recorder.map_err(|error| ClientError::Setup(error.to_string()))?;
+    let welcome = link.greet()?;
+    if let Err(denied) = gantry_tau_server::realtime::raise_priority() {
+        tracing::warn!("client: no {}: {}", denied.privilege, denied.reason);
+    }
+    tracing::info!(
+        "session granted (epoch {}); submitting while the force sensor is tared: keep the tool unloaded",
+        welcome.epoch.0
+    );
+    observer.welcomed(&welcome);
+    controls.obtain.fetch_or(options.obtain, Ordering::Relaxed);
+    let mut session = ClientSession {
+        link,
+        sensor,
+        sample: None,
+        compensation: Compensation::new(&options.robot, &welcome)
+            .map_err(|error| ClientError::Setup(error.to_string()))?,
+        targets: [OffsetNm(0); N],
+        cut: [false; N],
+        controls,
+        observer,
+        recorder,
+        events: SessionEvents::default(),
+        report: ClientReport::default(),
+        states_without_sample: 0,
+        held_in_a_row: 0,
+        obtaining: false,
+    };
+    let result = session.answer_until_done();
+    let recorded = session.recorder.and_then(|recorder| recorder.finish(0));
+    if let (Err(_), Some(recorded)) = (&result, &recorded) {
+        tracing::info!("{recorded}");
+    }
+    result.map(|()| ClientReport {
+        recorded,
+        ..session.report
+    })
+}
+
+impl<const N: usize> ClientSession<'_, N> {
+    fn answer_until_done(&mut self) -> Result<(), ClientError> {
+        loop {
+            let state = match self.next_event() {
+                Ok(Event::State(state)) => state,
+                Ok(Event::Ended(state)) => return Err(ended(&state)),
+                Ok(_) => continue,
+                // A server that sends nothing is left as well.
+                Err(ClientError::Quit) => return self.leave(),
+                Err(error) => return Err(error),
+            };
+            if self.controls.quit.load(Ordering::Relaxed) {
+                return self.leave();
+            }
+            self.set_gain();
+            if self.link.has_unread_bytes() {
+                // A newer State is waiting: an answer to this one would be late.
+                continue;
+            }
+            if let Err(silent) = self.compensate(&state) {
+                // Without force samples, leave in good order instead of compensating an old force.
+                self.leave()?;
+                return Err(silent);
+            }
+            self.answer(&state)?;
+            let sample = self
+                .sample
+                .as_ref()
+                .filter(|_| self.states_without_sample == 0);
+            if let Err(stopped) = self.observer.answered(&state, sample) {
+                self.leave()?;
+                return Err(stopped);
+            }
+        }
+    }
+
+    /// Takes over a gain that was set, unless it is being set.
+    fn set_gain(&mut self) {
+        let Some(gain) = self
+            .controls
+            .gain
+            .try_lock()
+            .ok()
+            .and_then(|mut gain| gain.take())
+        else {
+            return;
+        };
+        match self.compensation.set_gain(gain) {
+            Ok(()) => tracing::info!("gain {gain}: the server moves the offsets within its limits"),
+            Err(error) => tracing::warn!("gain {gain}: {error}"),
+        }
+    }
+
+    fn leave(&mut self) -> Result<(), ClientError> {
+        self.report.states += self.link.leave()?;
+        Ok(())
+    }
+
+    /// Waits for the next State of the session or its end.
+    fn next_event(&mut self) -> Result<Event<N>, ClientError> {
+        let event = self.link.next_event()?;
+        self.report.states += 1;
+        Ok(event)
+    }
+
+    fn answer(&mut self, state: &State<N>) -> Result<(), ClientError> {
+        let tared = self.compensation.is_tared();
+        self.controls.tared.store(tared, Ordering::Relaxed);
+        let mode = if tared && self.controls.obtain.load(Ordering::Relaxed) {
+            Mode::Obtain
+        } else {
+            Mode::Submit
+        };
+        let targets = self.targets.map(Offsets::position);
+        let Some(answer) = self.link.answer(mode, &targets)? else {
+            return Ok(());
+        };
+        let obtaining = answer.command.mode == Mode::Obtain;
+        if obtaining && !self.obtaining {
+            tracing::info!("tared; obtaining: from here on the offsets act. Ctrl-C leaves");
+        } else if self.obtaining && !obtaining {
+            tracing::info!(
+                "submitting: the server moves the offsets to zero; then they are computed and reported only"
+            );
+        }
+        self.obtaining = obtaining;
+        for (cut, axis) in self.cut.iter_mut().zip(answer.saturated) {
+            *cut |= axis.position;
+        }
+        self.controls.commands.fetch_add(1, Ordering::Relaxed);
+        if let Some(recorder) = &mut self.recorder {
+            let row = ClientRow {
+                state: *state,
+                targets: answer.command.targets.map(|target| target.position),
+                saturated: self.cut,
+                load: self.compensation.load().to_array(),
+            };
+            recorder.push(row, self.events.observe(state));
+        }
+        Ok(())
+    }
+
+    /// Computes new targets from a new sample; without one the last targets are sent again, for a
+    /// while.
+    fn compensate(&mut self, state: &State<N>) -> Result<(), ClientError> {
+        let latest = self
+            .sensor
+            .latest(state.tick.0)
+            .map_err(|error| ClientError::SensorSilent(error.to_string()))?;
+        let Some(sample) = latest.filter(|latest| self.sample != Some(*latest)) else {
+            self.states_without_sample += 1;
+            let patience = match self.sample {
+                None => FIRST_SAMPLE_STATES,
+                Some(_) => SAMPLE_STATES,
+            };
+            if self.states_without_sample > patience {
+                return Err(ClientError::SensorSilent(self.sensor.silence()));
+            }
+            return Ok(());
+        };
+        if sample.tick.abs_diff(state.tick.0) > SAMPLE_STATES {
+            let reason = "their ticks are not the server's".to_owned();
+            return Err(ClientError::SensorSilent(reason));
+        }
+        self.sample = Some(sample);
+        self.states_without_sample = 0;
+        let nominal = state.axes.map(|axis| axis.nominal);
+        let raw = Wrench::from_array(sample.wrench);
+        match self.compensation.cycle(&raw, &nominal) {
+            Ok(correction) => {
+                self.targets = correction.offsets;
+                self.held_in_a_row = 0;
+                self.note_saturation(&correction.saturated);
+                Ok(())
+            }
+            Err(error) => self.hold(&*error),
+        }
+    }
+
+    /// Counts a correction that was cut; logs the first.
+    fn note_saturation(&mut self, saturated: &[bool; N]) {
+        self.cut = *saturated;
+        let Some(axis) = saturated.iter().position(|cut| *cut) else {
+            return;
+        };
+        if self.report.saturated == 0 {
+            tracing::warn!(
+                "axis {}: the correction is cut at the limit of the offset; the load is beyond what the offsets can compensate",
+                axis + 1
+            );
+        }
+        self.report.saturated += 1;
+    }
+
+    /// Keeps the last targets: logs the first such cycle, counts each, and fails after too many in
+    /// a row.
+    fn hold(&mut self, error: &dyn Error) -> Result<(), ClientError> {
+        if self.report.held == 0 {
+            tracing::warn!("a correction cannot be computed, the last one is held: {error}");
+        }
+        self.report.held += 1;
+        self.held_in_a_row += 1;
+        if self.held_in_a_row > SAMPLE_STATES {
+            let reason = format!("{SAMPLE_STATES} in a row could not be used: {error}");
+            return Err(ClientError::SensorSilent(reason));
+        }
+        Ok(())
+    }
+}
+
+fn ended<const N: usize>(state: &State<N>) -> ClientError {
+    match state.cause {
+        Cause::None => ClientError::Vanished("it forgot the session".to_owned()),
+        cause => ClientError::Ended(cause),
+    }
+}

@@ -1,0 +1,75 @@
+//! Joints between the axes and the links: their positions and slopes. By rotations of nalgebra,
+//! apart from core's plates.
+
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::robot::ARM_OF_LINK;
+use nalgebra::{Rotation3, Unit, Vector3};
+
+/// Index of `q_4` among the axes; `q_5` and `q_6` follow.
+const Q4: usize = 3;
+
+/// The joint of one link on its cart or plate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint<const N: usize> {
+    /// Position, world axes, m.
+    pub place_m: Vector3<f64>,
+    /// Derivative of the position by each axis, m per unit of `q`.
+    pub slopes: [Vector3<f64>; N],
+}
+
+/// Returns the joint of `link` (from 0, link order) with the axes at `q`: cart `C_i + q_i V_i`,
+/// plate 2 turned by `Rot(ax, sigma4 q_4)`, plate 3 by `Rot(ax, sigma5 q_5) Rot(ax6, q_6)`
+/// `[T 3.1.2]`. A machine of three axes keeps its plates at 0.
+#[must_use]
+pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
+    let arm = ARM_OF_LINK[link];
+    let [q4, q5, q6] = [0, 1, 2].map(|plate| q.get(Q4 + plate).copied().unwrap_or(0.0));
+    let turn_axis = Unit::new_normalize(geometry.turn_axis);
+    let tilt_axis = Unit::new_normalize(geometry.tilt_axis);
+    let [sign_2, sign_3] = geometry.turn_signs.map(|branch| branch.sign());
+    let (turn, tilt) = match arm {
+        1 => (sign_2 * q4, 0.0),
+        2 => (sign_3 * q5, q6),
+        _ => (0.0, 0.0),
+    };
+    let turned = Rotation3::from_axis_angle(&turn_axis, turn);
+    let tilted = Rotation3::from_axis_angle(&tilt_axis, tilt);
+    let lever = turned * tilted * geometry.plate_joints_m[link];
+    Joint {
+        place_m: geometry.carts_m[arm] + geometry.guideways[arm] * q[arm] + lever,
+        slopes: std::array::from_fn(|axis| match (arm, axis) {
+            (_, axis) if axis == arm => geometry.guideways[arm],
+            (1, Q4) => turn_axis.cross(&lever) * sign_2,
+            (2, 4) => turn_axis.cross(&lever) * sign_3,
+            (2, 5) => (turned * tilt_axis).cross(&lever),
+            _ => Vector3::zeros(),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gantry_tau_core::model::robot::LINKS;
+    use gantry_tau_test_support::vectors::Vectors;
+
+    /// The slopes against differences: those of a rotation by 1e-5 rad leave 1e-10 of the lever.
+    #[test]
+    fn slopes_are_the_differences_of_places() {
+        let geometry = Vectors::f1().geometry;
+        let q = [1.5, 1.7, 1.6, 0.11, -0.07, 0.05];
+        for link in 0..LINKS {
+            let here = joint(&geometry, link, &q);
+            for axis in 0..q.len() {
+                let [behind, ahead] = [-1e-5, 1e-5].map(|step| {
+                    let mut moved = q;
+                    moved[axis] += step;
+                    joint(&geometry, link, &moved).place_m
+                });
+                let difference = (ahead - behind) / 2e-5;
+                let off = (difference - here.slopes[axis]).amax();
+                assert!(off < 1e-9, "link {link}, axis {axis}: {off:e}");
+            }
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! Checks of a robot file, one per section.
+
+use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
+use gantry_tau_core::control::message::AxisLimits;
+use gantry_tau_core::control::session::config::{AxisConfig, Travel};
+use gantry_tau_core::model::linalg::rotation_deviation;
+use gantry_tau_core::model::sensor::{MAX_LEVER_M, MAX_WEIGHT_N};
+use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+
+use super::problems::{Problem, Problems};
+use super::sections::{Axes, Each};
+use super::{Keys, Motors, Sensor, Simulation};
+
+/// Largest deviation of `metres_per_q`, the length of a unit of `q` by the drive's count, from
+/// `|v_i|`, which calibration finds; relative. More is a wrong unit.
+const SCALE_TOLERANCE: f64 = 0.01;
+/// Range of a compliance, m/N: what is stiffer is rigid, what is softer is not a machine.
+const COMPLIANCE_M_PER_N: (f64, f64) = (1e-13, 1e-2);
+/// Largest distance of a micrometre value from a whole nanometre, nm: rounding of the decimal.
+const WHOLE_NM_TOLERANCE: f64 = 1e-3;
+/// Largest number of motors.
+const MAX_MOTORS: usize = 32;
+
+/// Checks the scale and returns the nominal travel in q-units. Where the geometry gives the length
+/// of a unit (of a guideway), the file must agree with it.
+pub(super) fn travel_in_q<const N: usize>(
+    axes: &Axes<N>,
+    lengths_m: &[Option<f64>; N],
+    problems: &mut Problems,
+) -> Option<[(f64, f64); N]> {
+    let mut travel = [(0.0, 0.0); N];
+    let is_right = problems.none_in(|problems| {
+        for (index, ((entry, length), (metres, [lower, upper]))) in travel
+            .iter_mut()
+            .zip(lengths_m)
+            .zip(axes.metres_per_q.0.iter().zip(&axes.nominal_travel_m.0))
+            .enumerate()
+        {
+            let key = format!("axes.metres_per_q[{index}]");
+            problems.range(&key, *metres, 1e-6, 1e3);
+            // Not `deviation > ..`: a guideway that is NaN is named by the robot's own check.
+            if let Some(scale) = length.filter(|l| (metres - l).abs() > SCALE_TOLERANCE * l) {
+                let reason = format!("is {metres}, but V[{index}] is {scale:.6} m long");
+                problems.add(key, reason);
+            }
+            *entry = (lower / metres, upper / metres);
+        }
+    });
+    is_right.then_some(travel)
+}
+
+/// Returns every axis in the units of the reference path.
+pub(super) fn limits<const N: usize>(
+    axes: &Axes<N>,
+    problems: &mut Problems,
+) -> Option<[AxisConfig; N]> {
+    let limits: Vec<_> = (0..N).map(|index| axis(axes, index, problems)).collect();
+    let limits: Option<Vec<_>> = limits.into_iter().collect();
+    limits?.try_into().ok()
+}
+
+fn axis<const N: usize>(
+    axes: &Axes<N>,
+    index: usize,
+    problems: &mut Problems,
+) -> Option<AxisConfig> {
+    let limits = axis_limits(axes, index, problems);
+    let step_nm = nominal_step_nm(axes, index, problems);
+    let machine_travel = travel("machine_travel_m", &axes.machine_travel_m, index, problems);
+    let nominal_travel = travel("nominal_travel_m", &axes.nominal_travel_m, index, problems);
+    let config = AxisConfig {
+        limits: limits?,
+        nominal_travel: nominal_travel?,
+        machine_travel: machine_travel?,
+        nominal_step_nm: step_nm?,
+    };
+    let AxisConfig {
+        nominal_travel: nominal,
+        machine_travel: machine,
+        ..
+    } = &config;
+    let margin = i64::from(config.limits.position.max());
+    let below = nominal.lower.0.saturating_sub(margin) < machine.lower.0;
+    if below || nominal.upper.0.saturating_add(margin) > machine.upper.0 {
+        let reason = "must lie inside machine_travel_m by position.max_um on either side";
+        problems.add(axis_key("nominal_travel_m", index), reason);
+        return None;
+    }
+    Some(config)
+}
+
+/// Key of a value of an axis.
+fn axis_key(key: &str, index: usize) -> String {
+    format!("axes.{key}[{index}]")
+}
+
+fn axis_limits<const N: usize>(
+    axes: &Axes<N>,
+    index: usize,
+    problems: &mut Problems,
+) -> Option<AxisLimits> {
+    let position = position(axes, index, problems);
+    let v = &axes.velocity;
+    let t = &axes.torque;
+    let velocity = LimitValues {
+        max: pick(&v.max_um_s, index, -1),
+        step: pick(&v.step_um_s, index, 0),
+        accel: pick(&v.accel_um_s, index, 0),
+        ramp: pick(&v.ramp_um_s, index, 0),
+    };
+    let torque = LimitValues {
+        max: pick(&t.max_permille, index, -1).into(),
+        step: pick(&t.step_permille, index, 0).into(),
+        accel: pick(&t.accel_permille, index, 0).into(),
+        ramp: pick(&t.ramp_permille, index, 0).into(),
+    };
+    let position =
+        position.and_then(|values| problems.keep(channel("position", "um", index, values)));
+    let velocity = problems.keep(channel("velocity", "um_s", index, velocity));
+    let torque = problems.keep(channel("torque", "permille", index, torque));
+    Some(AxisLimits {
+        position: position?,
+        velocity: velocity?,
+        torque: torque?,
+    })
+}
+
+/// Reads the limits of the position offset.
+fn position<const N: usize>(
+    axes: &Axes<N>,
+    index: usize,
+    problems: &mut Problems,
+) -> Option<LimitValues> {
+    let p = &axes.position;
+    let [max, step, accel, ramp] = [
+        ("position.max_um", &p.max_um),
+        ("position.step_um", &p.step_um),
+        ("position.accel_um", &p.accel_um),
+        ("position.ramp_um", &p.ramp_um),
+    ]
+    .map(|(key, values)| {
+        problems.keep(whole_nm(
+            &axis_key(key, index),
+            pick(values, index, f64::NAN),
+        ))
+    });
+    Some(LimitValues {
+        max: max?,
+        step: step?,
+        accel: accel?,
+        ramp: ramp?,
+    })
+}
+
+fn nominal_step_nm<const N: usize>(
+    axes: &Axes<N>,
+    index: usize,
+    problems: &mut Problems,
+) -> Option<u32> {
+    let key = axis_key("nominal_step_um", index);
+    let step_um = pick(&axes.nominal_step_um, index, f64::NAN);
+    match u32::try_from(problems.keep(whole_nm(&key, step_um))?) {
+        Ok(step_nm @ 1..) => Some(step_nm),
+        _ => {
+            problems.add(key, "must be positive");
+            None
+        }
+    }
+}
+
+/// Checks the limits of a channel as core does, and names the key that breaks them.
+fn channel<U>(
+    section: &str,
+    unit: &str,
+    index: usize,
+    values: LimitValues,
+) -> Result<Limits<U>, Problem> {
+    Limits::new(values).map_err(|error| {
+        let (name, reason) = match error {
+            LimitsError::NegativeMax { .. } => {
+                ("max", "must not be negative; 0 disables the channel")
+            }
+            LimitsError::RampNotPositive { .. } => ("ramp", "must be positive"),
+            LimitsError::RampAboveStep { .. } => ("ramp", "must not be above step"),
+            _ => ("accel", "must be at least step + ramp"),
+        };
+        Problem::new(axis_key(&format!("{section}.{name}_{unit}"), index), reason)
+    })
+}
+
+/// Returns entry `index`, or a value that its check refuses.
+fn pick<T: Copy, const N: usize>(values: &Each<T, N>, index: usize, refused: T) -> T {
+    values.0.get(index).copied().unwrap_or(refused)
+}
+
+fn travel<const N: usize>(
+    key: &str,
+    ends_m: &Each<[f64; 2], N>,
+    index: usize,
+    problems: &mut Problems,
+) -> Option<Travel> {
+    let key = axis_key(key, index);
+    let [lower, upper] = pick(ends_m, index, [f64::NAN; 2]).map(|end_m| {
+        let crossed = PositionNm::from_metres(Metres(end_m));
+        problems.keep(crossed.map_err(|error| Problem::new(&key, error)))
+    });
+    let travel = Travel {
+        lower: lower?,
+        upper: upper?,
+    };
+    if travel.lower > travel.upper {
+        problems.add(key, "has its lower end above its upper end");
+        return None;
+    }
+    Some(travel)
+}
+
+/// Converts micrometres that are a whole number of nanometres.
+fn whole_nm(key: &str, value_um: f64) -> Result<i32, Problem> {
+    let crossed =
+        OffsetNm::from_metres(Metres(value_um * 1e-6)).map_err(|error| Problem::new(key, error))?;
+    if (f64::from(crossed.0) - value_um * 1e3).abs() > WHOLE_NM_TOLERANCE {
+        return Err(Problem::new(key, "must be a whole number of nanometres"));
+    }
+    Ok(crossed.0)
+}
+
+/// Compliances are given of links and axes, or of neither, and are those of springs.
+pub(super) fn springs<K: Keys<N>, const N: usize>(keys: &K, problems: &mut Problems) {
+    let key = K::AXIS_COMPLIANCES;
+    match keys.springs() {
+        (None, Some(_)) => problems.add("c_link", format!("is missing beside {key}")),
+        (Some(_), None) => problems.add(key, "is missing beside c_link"),
+        (None, None) => {}
+        (Some(links), Some(axes)) => {
+            compliances("c_link", &links, problems);
+            compliances(key, &axes, problems);
+        }
+    }
+}
+
+fn compliances(key: &str, values: &[f64], problems: &mut Problems) {
+    let (least, most) = COMPLIANCE_M_PER_N;
+    for (index, value) in values.iter().enumerate() {
+        if !(least..=most).contains(value) {
+            let reason = format!(
+                "is {value:e}; a compliance is positive, in m/N, from {least:e} to {most:e} ([T Table 5.2] has other numbers: docs/identification.md)"
+            );
+            problems.add(format!("{key}[{index}]"), reason);
+        }
+    }
+}
+
+pub(super) fn motors(motors: &Motors, axes: usize, problems: &mut Problems) {
+    let key = "motors.axis_of_motor";
+    if motors.axis_of_motor.len() > MAX_MOTORS {
+        problems.add(key, format!("has more than {MAX_MOTORS} motors"));
+        problems.distrust("motors");
+    }
+    if let Some(axis) = motors.axis_of_motor.iter().find(|axis| **axis >= axes) {
+        problems.add(key, format!("names axis {axis} of {axes}, counted from 0"));
+    }
+    for axis in (0..axes).filter(|axis| !motors.axis_of_motor.contains(axis)) {
+        problems.add(key, format!("leaves axis {axis} without a motor"));
+    }
+}
+
+pub(super) fn sensor(sensor: &Sensor, problems: &mut Problems) {
+    let deviation = rotation_deviation(&sensor.rotation_matrix());
+    if deviation > 1e-9 {
+        let reason = format!("is not a rotation matrix (deviation {deviation:.0e})");
+        problems.add("sensor.rotation", reason);
+    }
+    for (key, values, most) in [
+        ("lever_m", sensor.lever_m, MAX_LEVER_M),
+        ("tool.weight_n", sensor.tool.weight_n, MAX_WEIGHT_N),
+        ("tool.centre_m", sensor.tool.centre_m, MAX_LEVER_M),
+    ] {
+        for (index, value) in values.into_iter().enumerate() {
+            problems.range(&format!("sensor.{key}[{index}]"), value, -most, most);
+        }
+    }
+    problems.range("sensor.cutoff_hz", sensor.cutoff_hz, 1e-3, 1e5);
+    problems.range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6);
+}
+
+pub(super) fn simulation(simulation: &Simulation, problems: &mut Problems) {
+    let s = simulation;
+    for (key, value, lower, upper) in [
+        ("spring_deviation", s.spring_deviation, 0.0, 0.9),
+        ("force_noise_n", s.force_noise_n, 0.0, 1e3),
+        ("moment_noise_nm", s.moment_noise_nm, 0.0, 1e3),
+        ("gauge_resolution_m", s.gauge_resolution_m, 1e-9, 1e-3),
+        ("jump_force_n", s.jump_force_n, 1.0, 1e5),
+        ("jump_gap_m", s.jump_gap_m, 0.0, 1e-2),
+        ("geometry_mm", s.geometry_mm, 0.0, 100.0),
+        ("gauge_point_mm", s.gauge_point_mm, 0.0, 100.0),
+        ("gauge_axis_mrad", s.gauge_axis_mrad, 0.0, 100.0),
+        (
+            "jump_hysteresis_n",
+            s.jump_hysteresis_n,
+            0.0,
+            s.jump_force_n,
+        ),
+        ("drift_um_per_min", s.drift_um_per_min, 0.0, 100.0),
+    ] {
+        problems.range(&format!("simulation.{key}"), value, lower, upper);
+    }
+}

@@ -1,0 +1,234 @@
+//! Sections of a robot file, as they are written.
+
+use gantry_tau_core::model::sensor;
+use nalgebra::Matrix3;
+use serde::Deserialize;
+
+use super::drives::DriveKeys;
+use super::ethercat::Ethercat;
+use super::learned::{Calibrated, Identified, Play};
+use super::matrix;
+use super::position_loop::PositionLoopKeys;
+use super::read::Reader;
+use crate::model::{CorrectionKind, WristJoint};
+
+/// Sections of every kind of machine.
+pub(super) struct Sections<const N: usize> {
+    pub(super) axes: Axes<N>,
+    pub(super) motors: Motors,
+    pub(super) sensor: Sensor,
+    pub(super) client: ClientKeys,
+    pub(super) drives: Option<DriveKeys>,
+    pub(super) position_loop: Option<PositionLoopKeys>,
+    pub(super) ethercat: Option<Ethercat>,
+    pub(super) simulation: Simulation,
+    pub(super) calibrated: Option<Calibrated>,
+    pub(super) identified: Option<Identified>,
+    pub(super) play: Option<Play>,
+    pub(super) wrist: Vec<WristJoint>,
+}
+
+impl<const N: usize> Sections<N> {
+    pub(super) const NAMES: [&'static str; 12] = [
+        "axes",
+        "motors",
+        "sensor",
+        "client",
+        "drives",
+        "position_loop",
+        "ethercat",
+        "simulation",
+        "calibrated",
+        "identified",
+        "play",
+        "wrist",
+    ];
+
+    /// Reads all sections. `None` only if the built-in machine's cannot be read either.
+    pub(super) fn read(reader: &mut Reader<'_, '_>) -> Option<Self> {
+        Some(Self {
+            axes: reader.section("axes")?,
+            motors: reader.section("motors")?,
+            sensor: reader.section("sensor")?,
+            client: reader.section("client")?,
+            drives: reader.optional("drives"),
+            position_loop: reader.optional("position_loop"),
+            ethercat: reader.optional("ethercat"),
+            simulation: reader.section("simulation")?,
+            calibrated: reader.optional("calibrated"),
+            identified: reader.optional("identified"),
+            play: reader.optional("play"),
+            wrist: reader.optional("wrist").unwrap_or_default(),
+        })
+    }
+}
+
+/// One entry per axis. serde reads arrays of a fixed length, not of a generic one.
+#[derive(Deserialize)]
+#[serde(try_from = "Vec<T>")]
+pub(super) struct Each<T, const N: usize>(pub(super) [T; N]);
+
+/// A list of another length than the machine has axes.
+#[derive(Debug, thiserror::Error)]
+#[error("has {entries} entries, the machine has {axes} axes")]
+pub(super) struct EntriesError {
+    entries: usize,
+    axes: usize,
+}
+
+impl<T, const N: usize> TryFrom<Vec<T>> for Each<T, N> {
+    type Error = EntriesError;
+
+    fn try_from(entries: Vec<T>) -> Result<Self, EntriesError> {
+        let entries = <[T; N]>::try_from(entries);
+        entries.map(Self).map_err(|entries| EntriesError {
+            entries: entries.len(),
+            axes: N,
+        })
+    }
+}
+
+/// `[axes]`. Travels are `[lower, upper]`, m; a step is a change per tick.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Axes<const N: usize> {
+    pub(super) nominal_travel_m: Each<[f64; 2], N>,
+    pub(super) machine_travel_m: Each<[f64; 2], N>,
+    pub(super) metres_per_q: Each<f64, N>,
+    pub(super) nominal_step_um: Each<f64, N>,
+    pub(super) position: Position<N>,
+    pub(super) velocity: Velocity<N>,
+    pub(super) torque: Torque<N>,
+}
+
+/// `[axes.position]`: the limits `M`, `S`, `A`, `rho` of the position offset, whole nanometres.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Position<const N: usize> {
+    pub(super) max_um: Each<f64, N>,
+    pub(super) step_um: Each<f64, N>,
+    pub(super) accel_um: Each<f64, N>,
+    pub(super) ramp_um: Each<f64, N>,
+}
+
+/// `[axes.velocity]`, as [`Position`].
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Velocity<const N: usize> {
+    pub(super) max_um_s: Each<i32, N>,
+    pub(super) step_um_s: Each<i32, N>,
+    pub(super) accel_um_s: Each<i32, N>,
+    pub(super) ramp_um_s: Each<i32, N>,
+}
+
+/// `[axes.torque]`, per mille of rated torque, as [`Position`].
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Torque<const N: usize> {
+    pub(super) max_permille: Each<i16, N>,
+    pub(super) step_permille: Each<i16, N>,
+    pub(super) accel_permille: Each<i16, N>,
+    pub(super) ramp_permille: Each<i16, N>,
+}
+
+/// `[motors]`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motors {
+    /// Axis of each motor, counted from 0; every axis has one.
+    pub axis_of_motor: Vec<usize>,
+}
+
+/// `[sensor]`: the force sensor on the platform.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// Platform axes from sensor axes, by rows.
+    pub rotation: [[f64; 3]; 3],
+    /// From the tool centre point to the sensor's origin, platform axes, m.
+    pub lever_m: [f64; 3],
+    /// Tool that the sensor carries; without it the weight is part of the tare.
+    #[serde(default)]
+    pub tool: ToolKeys,
+    /// Cut-off of the low-pass, Hz.
+    pub cutoff_hz: f64,
+    /// Samples that the tare averages.
+    pub tare_samples: u32,
+}
+
+/// `[sensor.tool]`: the weight that the sensor carries.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolKeys {
+    /// Its weight, a force, world axes, N.
+    pub weight_n: [f64; 3],
+    /// From the tool centre point to its centre of gravity, platform axes, m.
+    pub centre_m: [f64; 3],
+}
+
+impl From<ToolKeys> for sensor::Tool {
+    fn from(ToolKeys { weight_n, centre_m }: ToolKeys) -> Self {
+        Self {
+            weight_n: weight_n.into(),
+            centre_m: centre_m.into(),
+        }
+    }
+}
+
+impl Sensor {
+    /// Platform axes from sensor axes.
+    #[must_use]
+    pub fn rotation_matrix(&self) -> Matrix3<f64> {
+        matrix(self.rotation)
+    }
+}
+
+/// `[client]`: the compensating client.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClientKeys {
+    /// Share of the computed correction that is asked for, 0 to 1.
+    pub gain: f64,
+    /// Method of computation; absent: exactly with identified springs, else to first order.
+    pub correction: Option<CorrectionKind>,
+}
+
+/// `[simulation]`: the simulated machine.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Simulation {
+    /// Seed of deviations and noise.
+    pub seed: u64,
+    /// Each true compliance is the nominal one times
+    /// `1 + uniform(-spring_deviation..spring_deviation)`.
+    pub spring_deviation: f64,
+    /// Standard deviation of the sensor's forces, N.
+    pub force_noise_n: f64,
+    /// Standard deviation of the sensor's moments, N m.
+    pub moment_noise_nm: f64,
+    /// One step of the length gauges, m.
+    pub gauge_resolution_m: f64,
+    /// Force in x at which the platform leaves cart 3, N.
+    pub jump_force_n: f64,
+    /// The play it crosses then, m.
+    pub jump_gap_m: f64,
+    /// Home of the tool centre point, world axes, m.
+    pub home_m: [f64; 3],
+    /// Difference of the machine that a simulated tracker sees from this file, mm: standard
+    /// deviation of each coordinate of a joint, and of a length; guideways and axes turn by as many
+    /// mrad. The machine of `serve` is that of the file.
+    #[serde(default)]
+    pub geometry_mm: f64,
+    /// Standard deviation of each coordinate of the point that a gauge of a campaign touches, mm.
+    #[serde(default)]
+    pub gauge_point_mm: f64,
+    /// Standard deviation of each turn of its plunger, mrad.
+    #[serde(default)]
+    pub gauge_axis_mrad: f64,
+    /// Force by which the play closes below the one that it opened at, N in x.
+    #[serde(default)]
+    pub jump_hysteresis_n: f64,
+    /// Standard deviation of the drift of each gauge in each series of a campaign, um per minute.
+    #[serde(default)]
+    pub drift_um_per_min: f64,
+}

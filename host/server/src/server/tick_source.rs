@@ -1,0 +1,173 @@
+//! Source of the server's ticks: the clock, or the client's answers.
+
+use std::sync::atomic::Ordering;
+
+use gantry_tau_core::control::message::Phase;
+
+use super::cycle::{Cycle, OperatorInputs};
+use super::{Controls, ServerError};
+use crate::plant::Plant;
+use crate::realtime::{CycleTimer, now_ns, sleep_until_ns, wait_readable_until_ns};
+use crate::record::TickRecord;
+
+/// Length of a cycle, ns.
+const PERIOD_NS: u64 = 1_000_000;
+/// Lock-step: silence that counts as a miss, ns.
+const SILENCE_NS: u64 = 1_000_000_000;
+/// Lock-step: silence that counts as a tick of the handshake, ns; a thousand of them end the
+/// handshake.
+const HANDSHAKE_SILENCE_NS: u64 = 10_000_000;
+/// Lock-step: longest wait between two polls of the sockets, ns.
+const POLL_NS: u64 = 500_000;
+/// Ticks in a row without an accepted write, or at zero with a latch that cannot be stored, after
+/// which a server that is to end gives up.
+const QUIT_PATIENCE: u32 = 2_000;
+/// Frames of the owner per tick that are timed; further ones wait for the deadline.
+const ENOUGH_FRAMES: u8 = 4;
+
+/// Source of the ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TickSource {
+    /// A tick per millisecond of the machine's clock; an answer is due before the next.
+    RealTime,
+    /// A tick per answer: time is counted in ticks, and the server waits for its client. Without a
+    /// session, about a tick per millisecond.
+    Lockstep,
+}
+
+/// Sets up the calling thread: real-time priority for ticks of the clock, then no privileges.
+pub(super) fn set_up_thread(ticks: TickSource) {
+    if ticks == TickSource::RealTime {
+        if let Err(denied) = crate::realtime::raise_priority() {
+            tracing::warn!("cycle thread: no {}: {}", denied.privilege, denied.reason);
+        }
+    }
+    if let Err(error) = gantry_tau_system::privileges::give_up(&[]) {
+        tracing::warn!("cycle thread: its privileges cannot be given up: {error}");
+    }
+}
+
+/// Runs cycles until quit is requested and the drives have taken references without offsets.
+///
+/// # Errors
+/// [`ServerError::StillInForce`]: quit is requested, and the machine has taken nothing for two
+/// seconds. [`ServerError::StopNotStored`]: nor has the disk taken the latch, with zero in force.
+pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
+    mut cycle: Cycle<N, M, P>,
+    ticks: TickSource,
+    controls: &Controls,
+    mut rows: rtrb::Producer<TickRecord<N>>,
+) -> Result<(), ServerError> {
+    let mut timer = CycleTimer::starting_now(PERIOD_NS);
+    let mut state_left_ns = now_ns();
+    let mut unfinished = 0;
+    loop {
+        let elapsed = match ticks {
+            TickSource::RealTime => {
+                watch_owner(&mut cycle, timer.deadline_ns(), state_left_ns);
+                timer.wait()
+            }
+            TickSource::Lockstep => {
+                wait_for_answer(&mut cycle, controls, state_left_ns);
+                1
+            }
+        };
+        cycle.receive();
+        let quit = controls.quit.load(Ordering::Relaxed);
+        let operator = OperatorInputs {
+            stop: controls.take_stop(),
+            quit,
+            rearm: controls.take_rearm(cycle.phase()),
+        };
+        let row = cycle.step(elapsed, operator);
+        state_left_ns = now_ns();
+        if rows.push(row).is_err() {
+            controls.dropped_rows.fetch_add(1, Ordering::Relaxed);
+        }
+        if cycle.may_end(quit) {
+            cycle.send_end();
+            return Ok(());
+        }
+        unfinished = if cycle.write_failed() || quit && cycle.is_at_zero() {
+            unfinished + 1
+        } else {
+            0
+        };
+        if quit && unfinished >= QUIT_PATIENCE {
+            cycle.send_end();
+            return Err(if cycle.write_failed() {
+                ServerError::still_in_force(cycle.in_force())
+            } else {
+                ServerError::StopNotStored
+            });
+        }
+    }
+}
+
+/// Receives the owner's frames on arrival, which measures the round trip; the tick itself waits for
+/// the clock.
+fn watch_owner<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: &mut Cycle<N, M, P>,
+    deadline_ns: u64,
+    state_left_ns: u64,
+) {
+    let mut frames = 0;
+    while frames < ENOUGH_FRAMES {
+        let Some(socket) = cycle.owner_socket() else {
+            return;
+        };
+        if !wait_readable_until_ns(socket, deadline_ns) {
+            return;
+        }
+        let seen = cycle.receive_owner();
+        if seen <= frames {
+            // A part of a frame, a closed stream or another peer's datagram: left for the deadline.
+            return;
+        }
+        frames = seen;
+        note_round_trip(cycle, state_left_ns);
+    }
+}
+
+/// Waits until the owner of a running session has answered the last State or has ended the session,
+/// its connection is known to be silent, or the silence has lasted long enough to be a miss.
+fn wait_for_answer<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: &mut Cycle<N, M, P>,
+    controls: &Controls,
+    state_left_ns: u64,
+) {
+    let silence_ns = match cycle.phase() {
+        Phase::Submit | Phase::Obtain => SILENCE_NS,
+        Phase::Handshake => HANDSHAKE_SILENCE_NS,
+        Phase::Listening | Phase::SafeDisconnect | Phase::Fault => {
+            return sleep_until_ns(state_left_ns.saturating_add(PERIOD_NS));
+        }
+    };
+    let give_up_ns = state_left_ns.saturating_add(silence_ns);
+    loop {
+        cycle.receive();
+        if cycle.owner_has_answered() {
+            return note_round_trip(cycle, state_left_ns);
+        }
+        let waived = controls.is_urgent() || controls.link_silent.load(Ordering::Relaxed);
+        let now = now_ns();
+        if waived || now >= give_up_ns {
+            return;
+        }
+        let poll = give_up_ns.min(now.saturating_add(POLL_NS));
+        match cycle.owner_socket() {
+            Some(socket) => {
+                let _readable = wait_readable_until_ns(socket, poll);
+            }
+            None => return,
+        }
+    }
+}
+
+fn note_round_trip<const N: usize, const M: usize, P: Plant<N, M>>(
+    cycle: &mut Cycle<N, M, P>,
+    state_left_ns: u64,
+) {
+    let passed_us = now_ns().saturating_sub(state_left_ns) / 1_000;
+    cycle.note_round_trip(u32::try_from(passed_us).unwrap_or(u32::MAX));
+}

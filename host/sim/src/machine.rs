@@ -1,0 +1,494 @@
+//! The whole machine behind [`Plant`]: interpolator, drives, springs, instruments.
+//!
+//! Order of a cycle: the references of the last `write` act; drives advance under the load that the
+//! last pose puts on them; the platform takes its new pose with the motors at their positions; the
+//! instruments measure; the interpolator moves on.
+//!
+//! A workpiece pushes with the force that belongs to the pose of the cycle before.
+//!
+//! *Displacement* is the tool's position minus its position on the unloaded rigid machine with the
+//! carts at the nominal of the last `write`, without the offsets. It contains springs, play,
+//! following errors and the offsets of a compensation, but neither the interpolator's motion nor
+//! the delay of a cycle.
+//!
+//! Motors of one axis share its cart: its position is their mean, and each carries an equal part of
+//! the load. With play or a bias (`[drives]`) they are bodies of their own in front of it.
+//!
+//! A drive that has stopped by itself ([`drive::supervision`]) fails every `read`, and stops the
+//! others of its axis. The path waits until all drives follow again, as an NC does.
+//!
+//! With velocities (`drives.interface`) the axes stand until the server's loops follow the path,
+//! and where the loops have stopped. The nominal references are then where the axes stand; once the
+//! loops follow again the path goes from there back to where it was left.
+
+use gantry_tau_core::control::axis::{Actual, InForce, Reference};
+use gantry_tau_core::control::endpoint::MotorMap;
+use gantry_tau_core::control::position_loop::VelocityReference;
+use gantry_tau_core::control::position_loop::quick_stop::QuickStop;
+use gantry_tau_core::model::f1;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_machine::elastic::loaded::Loaded;
+use gantry_tau_machine::elastic::springs::Springs;
+use gantry_tau_machine::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::{Interface, RobotFile, RobotFileError};
+use gantry_tau_server::plant::interpolator::{Interpolator, Motion, OutOfRange};
+use gantry_tau_server::plant::{
+    DriveState, Plant, PlantError, Reading, ToolReading, VelocityPlant,
+};
+use nalgebra::Vector6;
+
+use super::drive::supervision::Trip;
+use super::drive::{self, Cart, Drive, coupled};
+use super::force_sensor::SimulatedForceSensor;
+use super::load_generator::{AppliedLoad, Load};
+use super::parameters::{SimulationError, SimulationParameters, springs};
+use super::springs::TrueSprings;
+use super::workpiece::Workpiece;
+
+/// Largest number of cycles that one `read` simulates; further time is skipped.
+pub const MAX_CYCLES_PER_READ: u64 = 100;
+
+/// A simulated machine with `N` axes and `M` motors `[T 4.2]`.
+#[derive(Debug)]
+pub struct SimulatedMachine<const N: usize, const M: usize> {
+    springs: TrueSprings<N>,
+    motors: MotorMap<N, M>,
+    drives: [Drive; M],
+    /// Carts of the axes whose motors are bodies of their own.
+    carts: [Option<Cart>; N],
+    interpolator: Interpolator<N>,
+    sensor: SimulatedForceSensor,
+    gauge_resolution_m: f64,
+    tool: AppliedLoad,
+    workpiece: Option<Workpiece>,
+    metres_per_q: [f64; N],
+    /// Nominal of the last reading.
+    nominal: [PositionNm; N],
+    /// Parts of the references in force.
+    in_force: [InForce; N],
+    interface: Interface,
+    quick_stop: Option<QuickStop>,
+    /// With velocities: no loop follows the path.
+    stands: bool,
+    /// The tool under load, and on the rigid machine at the nominal references in force.
+    loaded: Equilibrium<N>,
+    rigid: Equilibrium<N>,
+    load: Load,
+    sample: Wrench,
+}
+
+impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
+    /// Creates the machine of a robot file, under `tool`'s load.
+    ///
+    /// # Errors
+    /// [`RobotFileError`] without compliances, or for invalid parameters of the simulation.
+    pub fn from_robot<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        tool: AppliedLoad,
+        motion: Motion<N>,
+    ) -> Result<Self, RobotFileError> {
+        let springs = springs(robot)?;
+        let parameters = SimulationParameters::from_robot(robot, motion)?;
+        let motors = robot.motor_map()?;
+        Self::new(&robot.model.geometry(), &springs, motors, &parameters, tool)
+            .map_err(|error| robot.refuse("simulation", error))
+    }
+
+    /// Creates a machine whose springs are near the `nominal` ones, at rest at home, under the load
+    /// of `tool`.
+    ///
+    /// # Errors
+    /// [`SimulationError`] naming the parameter.
+    pub fn new(
+        geometry: &f1::Geometry,
+        nominal: &Springs<N>,
+        motors: MotorMap<N, M>,
+        parameters: &SimulationParameters<N>,
+        tool: AppliedLoad,
+    ) -> Result<Self, SimulationError> {
+        let home_m =
+            std::array::from_fn(|axis| parameters.home_q[axis] * parameters.metres_per_q[axis]);
+        let springs = TrueSprings::new(geometry, nominal, parameters)?;
+        let at_home = positions_nm(&home_m)?;
+        let references = motors
+            .axis_of_motor()
+            .map(|axis| without_offsets(at_home[axis]));
+        let start = Equilibrium::at_home(parameters.simulation.home_m);
+        let settings = &parameters.drives;
+        let mut number = 0_usize;
+        let drives = references.each_ref().map(|reference| {
+            let drive = Drive::at_rest(reference, settings)
+                .biased(direction(motors.axis_of_motor(), number));
+            number += 1;
+            drive
+        });
+        let carts = std::array::from_fn(|axis| {
+            let mut of_axis = drives
+                .iter()
+                .zip(motors.axis_of_motor())
+                .filter(|(_, of)| **of == axis);
+            let (drive, _) = of_axis.next()?;
+            settings.has_cart(1 + of_axis.count()).then(|| drive.cart())
+        });
+        let mut machine = Self {
+            springs,
+            motors,
+            drives,
+            carts,
+            interpolator: Interpolator::new(home_m, &parameters.motion)?,
+            sensor: SimulatedForceSensor::new(&parameters.sensor, &parameters.simulation),
+            gauge_resolution_m: parameters.simulation.gauge_resolution_m,
+            tool,
+            workpiece: None,
+            metres_per_q: parameters.metres_per_q,
+            nominal: at_home,
+            in_force: at_home.map(InForce::at),
+            interface: settings.interface,
+            quick_stop: quick_stop(settings),
+            stands: settings.interface == Interface::Velocity,
+            loaded: start,
+            rigid: start,
+            load: Load::default(),
+            sample: Wrench::zero(),
+        };
+        machine
+            .settle_platform()
+            .map_err(SimulationError::Springs)?;
+        machine.sample = machine
+            .sensor
+            .sample(&Wrench::zero(), &machine.loaded.pose.rotation);
+        Ok(machine)
+    }
+
+    /// Puts a workpiece below the tool, in addition to the load.
+    #[must_use]
+    pub fn above(self, workpiece: Workpiece) -> Self {
+        Self {
+            workpiece: Some(workpiece),
+            ..self
+        }
+    }
+
+    /// Returns links and axes, as they stand.
+    #[must_use]
+    pub const fn springs(&self) -> &ElasticMachine<N> {
+        self.springs.machine()
+    }
+
+    /// Returns the machine under its load, since it began in a pose, with its wrist at these angles
+    /// (rad; empty: at zero).
+    #[must_use]
+    pub fn seen_from(&self, began: Pose, wrist_rad: &[f64]) -> Loaded<N> {
+        self.springs.loaded(
+            began,
+            self.loaded,
+            self.load.wrench().to_array().into(),
+            wrist_rad,
+        )
+    }
+
+    /// Returns the true positions of the axes, on the side of the motors, m.
+    #[must_use]
+    pub fn positions_m(&self) -> [f64; N] {
+        std::array::from_fn(|axis| drive::mean(self.drives_of(axis).map(Drive::position_m)))
+    }
+
+    /// Returns the load of the machine on each motor of an axis, N along the guideway.
+    #[must_use]
+    pub fn motor_loads_n(&self) -> [f64; N] {
+        std::array::from_fn(|axis| self.motor_load_n(axis))
+    }
+
+    /// Power is the same in both units: `tau dq = F dx`.
+    fn axis_load_n(&self, axis: usize) -> f64 {
+        self.loaded.axis_loads[axis] / self.metres_per_q[axis]
+    }
+
+    fn motor_load_n(&self, axis: usize) -> f64 {
+        self.axis_load_n(axis) / self.drives_of(axis).count() as f64
+    }
+
+    /// Runs one cycle of 1 ms.
+    fn advance(&mut self) -> Result<(), &'static str> {
+        self.load = self.tool.load();
+        if let Some(workpiece) = &mut self.workpiece {
+            let pushed = workpiece.force_n(&self.loaded.pose.translation_m);
+            self.load.force_n = std::array::from_fn(|axis| self.load.force_n[axis] + pushed[axis]);
+        }
+        let (axis_loads, motor_loads) = (
+            std::array::from_fn(|axis| self.axis_load_n(axis)),
+            self.motor_loads_n(),
+        );
+        self.advance_drives(&axis_loads, &motor_loads);
+        self.stop_partners();
+        self.settle_platform()
+            .map_err(|_| "the springs find no equilibrium under this load")?;
+        self.sample = self
+            .sensor
+            .sample(&self.load.wrench(), &self.loaded.pose.rotation);
+        if self.stands {
+            self.nominal = self.actual()?.map(|axis| axis.position);
+            self.in_force = self.nominal.map(InForce::at);
+            return Ok(());
+        }
+        if self.stopped().is_none() {
+            self.interpolator.advance();
+        }
+        self.nominal = positions_nm(&self.interpolator.position_m())
+            .map_err(|_| "a nominal position is out of range")?;
+        Ok(())
+    }
+
+    fn actual(&self) -> Result<[Actual; N], &'static str> {
+        let mut actual = [Actual::default(); N];
+        for (axis, report) in actual.iter_mut().enumerate() {
+            *report = drive::report(self.drives_of(axis))
+                .map_err(|_| "an axis has left the range of positions")?;
+        }
+        Ok(actual)
+    }
+
+    /// Runs one cycle of the drives under the loads on axes and on single motors, N.
+    fn advance_drives(&mut self, axis_loads_n: &[f64; N], motor_loads_n: &[f64; N]) {
+        let axis_of_motor = self.motors.axis_of_motor();
+        for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
+            if self.carts[axis].is_none() {
+                drive.advance(motor_loads_n[axis]);
+            }
+        }
+        for (axis, cart) in self.carts.iter_mut().enumerate() {
+            if let Some(cart) = cart {
+                coupled::advance(
+                    &mut self.drives,
+                    |motor| axis_of_motor[motor] == axis,
+                    cart,
+                    axis_loads_n[axis],
+                );
+            }
+        }
+    }
+
+    /// Stops every drive of an axis of which one has stopped by itself.
+    fn stop_partners(&mut self) {
+        for axis in 0..N {
+            if self.drives_of(axis).any(|drive| drive.trip().is_some()) {
+                let drives = self.drives.iter_mut().zip(self.motors.axis_of_motor());
+                drives
+                    .filter(|(_, of)| **of == axis)
+                    .for_each(|(drive, _)| drive.stop_with_partner());
+            }
+        }
+    }
+
+    /// Returns the reason for which a drive does not follow its references.
+    fn stopped(&self) -> Option<&'static str> {
+        let drive = self
+            .drives
+            .iter()
+            .find(|drive| drive.state() > DriveState::Ready)?;
+        let first = self
+            .drives
+            .iter()
+            .filter_map(Drive::trip)
+            .find(|trip| *trip != Trip::Partner);
+        let on_its_way = "a drive moves onto its reference after a reset";
+        Some(first.or(drive.trip()).map_or(on_its_way, Trip::reason))
+    }
+
+    /// Returns the drives of one axis.
+    fn drives_of(&self, axis: usize) -> impl Iterator<Item = &Drive> + Clone {
+        let drives = self.drives.iter().zip(self.motors.axis_of_motor());
+        drives.filter_map(move |(drive, of)| (*of == axis).then_some(drive))
+    }
+
+    /// Finds the poses for the motors and for the nominal in force.
+    fn settle_platform(&mut self) -> Result<(), ElasticError> {
+        let load = Vector6::from(self.load.wrench().to_array());
+        let motors_m = self.positions_m();
+        let motors = std::array::from_fn(|axis| {
+            self.carts[axis]
+                .as_ref()
+                .map_or(motors_m[axis], Cart::position_m)
+                / self.metres_per_q[axis]
+        });
+        self.loaded = self.springs.settle(&motors, &load, &self.loaded)?;
+        let nominal = std::array::from_fn(|axis| {
+            self.in_force[axis].nominal.to_metres().0 / self.metres_per_q[axis]
+        });
+        self.rigid =
+            self.springs
+                .machine()
+                .equilibrium(&nominal, &Vector6::zeros(), &self.rigid)?;
+        Ok(())
+    }
+
+    fn tool_reading(&self) -> ToolReading {
+        let displaced = self.seen_from(self.rigid.pose, &[]).displacement();
+        let displacement: [f64; 3] = displaced.translation_m.into();
+        ToolReading {
+            step: self.load.step,
+            load: self.load.wrench().to_array(),
+            sensor: self.sample.to_array(),
+            displacement_m: displacement,
+            turn_rad: displaced.rotation_rad.into(),
+            gauges_m: displacement.map(|length| whole_steps(length, self.gauge_resolution_m)),
+        }
+    }
+}
+
+impl<const N: usize, const M: usize> Plant<N, M> for SimulatedMachine<N, M> {
+    type Error = PlantError;
+
+    fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
+        Ok(self.in_force)
+    }
+
+    fn read(&mut self, elapsed: u64) -> Result<Reading<N>, PlantError> {
+        for _ in 0..elapsed.min(MAX_CYCLES_PER_READ) {
+            self.advance().map_err(not_advanced)?;
+        }
+        if let Some(reason) = self.stopped() {
+            return Err(PlantError {
+                operation: "follow its references",
+                reason,
+            });
+        }
+        let actual = self.actual().map_err(not_advanced)?;
+        Ok(Reading {
+            nominal: self.nominal,
+            actual,
+            tool: Some(self.tool_reading()),
+        })
+    }
+
+    fn write(
+        &mut self,
+        references: &[Reference; M],
+        parts: &[InForce; N],
+    ) -> Result<(), PlantError> {
+        if self.interface == Interface::Velocity {
+            let reason = "its drives take velocities (drives.interface)";
+            return Err(PlantError {
+                operation: "write positions",
+                reason,
+            });
+        }
+        for (drive, reference) in self.drives.iter_mut().zip(references) {
+            drive.command(reference);
+        }
+        self.in_force = *parts;
+        Ok(())
+    }
+
+    fn drives(&self) -> Option<[DriveState; N]> {
+        Some(std::array::from_fn(|axis| {
+            self.drives_of(axis)
+                .map(Drive::state)
+                .max()
+                .unwrap_or(DriveState::NotReady)
+        }))
+    }
+
+    fn reset(&mut self) {
+        self.drives.iter_mut().for_each(Drive::reset);
+    }
+}
+
+impl<const N: usize, const M: usize> VelocityPlant<N, M> for SimulatedMachine<N, M> {
+    fn write_velocity(
+        &mut self,
+        velocities: &[VelocityReference; M],
+        parts: Option<&[InForce; N]>,
+    ) -> Result<(), PlantError> {
+        if self.interface == Interface::Position {
+            let reason = "its drives take positions (drives.interface)";
+            return Err(PlantError {
+                operation: "write velocities",
+                reason,
+            });
+        }
+        for (drive, reference) in self.drives.iter_mut().zip(velocities) {
+            drive.command_velocity(reference);
+        }
+        if let (Some(parts), true) = (parts, self.stands) {
+            self.interpolator
+                .go_on_from(parts.map(|axis| axis.nominal.to_metres().0));
+        }
+        self.stands = parts.is_none();
+        if let Some(parts) = parts {
+            self.in_force = *parts;
+        }
+        Ok(())
+    }
+
+    fn quick_stop(&self) -> Option<QuickStop> {
+        self.quick_stop
+    }
+}
+
+fn not_advanced(reason: &'static str) -> PlantError {
+    PlantError {
+        operation: "advance the simulation",
+        reason,
+    }
+}
+
+/// Returns the direction in which a motor pushes with its bias: the first of a pair forwards, the
+/// second backwards, any other not.
+fn direction(axis_of_motor: &[usize], motor: usize) -> f64 {
+    let mut of_axis = axis_of_motor
+        .iter()
+        .enumerate()
+        .filter(|(_, axis)| **axis == axis_of_motor[motor]);
+    match (of_axis.clone().count(), of_axis.next()) {
+        (2, Some((first, _))) if first == motor => 1.0,
+        (2, _) => -1.0,
+        _ => 0.0,
+    }
+}
+
+/// Returns the stop of drives that take velocities.
+fn quick_stop(settings: &drive::Settings) -> Option<QuickStop> {
+    let limits = settings
+        .limits
+        .filter(|_| settings.interface == Interface::Velocity)?;
+    Some(QuickStop {
+        watchdog_cycles: limits.watchdog_cycles,
+        quick_stop_m_per_s2: settings.quick_stop_m_per_s2,
+    })
+}
+
+/// Converts metres to the reference path.
+fn positions_nm<const N: usize>(
+    positions_m: &[f64; N],
+) -> Result<[PositionNm; N], SimulationError> {
+    let mut positions = [PositionNm(0); N];
+    for (nm, metres) in positions.iter_mut().zip(positions_m) {
+        *nm = PositionNm::from_metres(Metres(*metres)).map_err(|_| {
+            SimulationError::OutOfRange(OutOfRange {
+                parameter: "axis position (q times metres_per_q)",
+                lower: -9e6,
+                upper: 9e6,
+            })
+        })?;
+    }
+    Ok(positions)
+}
+
+fn without_offsets(position: PositionNm) -> Reference {
+    Reference {
+        position,
+        velocity_offset: VelocityUmS(0),
+        torque_offset: TorquePermille(0),
+    }
+}
+
+/// Returns what an incremental length gauge shows: the nearest whole step, in metres.
+fn whole_steps(length_m: f64, step_m: f64) -> f64 {
+    (length_m / step_m).round() * step_m
+}
+
+#[cfg(test)]
+mod tests;

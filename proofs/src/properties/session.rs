@@ -1,0 +1,567 @@
+//! A whole tick of the session, over its whole state: one-step induction. Valid, and any input, one
+//! tick, valid, and the bounds.
+
+use core::array;
+
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::message::{AxisState, ClientMessage, Phase};
+use gantry_tau_core::control::session::config::{AxisConfig, Config};
+use gantry_tau_core::control::session::{
+    Event, Input, LastWrite, Output, Session, Start, TickInput,
+};
+use gantry_tau_core::verification::control::{
+    Accepted, Action, Axis, AxisCommand, Decision, Diagnostics, FsmInput, FsmState, Internals,
+    Known, Order, Rules, carry_out, decide, nominal_stepped, order,
+};
+
+use crate::properties::axis::{Bounded, Kind, Ramped};
+use crate::properties::ingress;
+
+/// A session whose last write is settled, and everything else that its step depends on.
+#[derive(Clone, Debug)]
+pub struct StepInput<const N: usize> {
+    /// The session.
+    pub session: Session<N>,
+    /// Input from the machine.
+    pub tick: TickInput<N>,
+    /// Accepted events.
+    pub accepted: Accepted<N>,
+    /// Counts.
+    pub diagnostics: Diagnostics,
+}
+
+impl<const N: usize> StepInput<N> {
+    /// Settles the last write and classifies the events.
+    #[must_use]
+    pub fn after_events(session: &Session<N>, input: &Input<N>) -> Self {
+        let mut session = *session;
+        session.apply_write_result(&input.tick.last_write);
+        let (accepted, diagnostics) = session.classify(&input.events, &input.epochs);
+        Self {
+            session,
+            tick: input.tick,
+            accepted,
+            diagnostics,
+        }
+    }
+
+    /// Takes the step: the session after it, and its output.
+    #[must_use]
+    pub fn step(&self) -> (Session<N>, Output<N>) {
+        let mut after = self.session;
+        let output = after.step(&self.tick, &self.accepted, &self.diagnostics);
+        (after, output)
+    }
+}
+
+/// Returns the complete input of the decision, and its rules, by their definition: what was
+/// accepted, the cycle and the drives.
+#[must_use]
+pub fn decided_on<const N: usize>(input: &StepInput<N>) -> (FsmInput, Rules) {
+    let StepInput {
+        session,
+        tick,
+        accepted,
+        ..
+    } = input;
+    let parts = session.parts();
+    let parameters = session.config().parameters();
+    let cycles = tick.elapsed_cycles.max(1);
+    let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
+    let fsm = FsmInput {
+        stop: accepted.fsm.stop || tick.stop || outage,
+        quit: tick.quit,
+        rearm: tick.rearm,
+        nominal_fault: (0..N).any(|axis| has_stepped(input, axis)),
+        skipped: cycles - 1,
+        all_zero: !parts.withheld
+            && (0..N).all(|axis| parts.axes[axis].channels.offsets() == Offsets::ZERO),
+        ..accepted.fsm
+    };
+    (
+        fsm,
+        Rules {
+            handshake_ticks: parameters.handshake_ticks,
+            budget: parameters.budget,
+        },
+    )
+}
+
+/// True if the nominal reference that was read of an axis is further from its last one than the
+/// cycles allow.
+fn has_stepped<const N: usize>(input: &StepInput<N>, axis: usize) -> bool {
+    let config = &input.session.config().parameters().axes[axis];
+    let last = input.session.parts().axes[axis].nominal;
+    let cycles = input.tick.elapsed_cycles.max(1);
+    // Core's own comparison: a second product of two unknowns is beyond the solver.
+    input
+        .tick
+        .reading
+        .as_ref()
+        .is_some_and(|reading| nominal_stepped(last, reading.nominal[axis], config, cycles))
+}
+
+/// The doors of the decision: it sees what was accepted, the cycle and the drives, and nothing
+/// else; and the order is what it says.
+pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
+    let StepInput {
+        session,
+        tick,
+        accepted,
+        ..
+    } = input;
+    let parts = session.parts();
+    let parameters = session.config().parameters();
+    let known = Known {
+        withheld: parts.withheld,
+        off_path: parts.off_path,
+    };
+    let (decision, complete, ordered) = order(
+        parameters,
+        &parts.discrete,
+        &parts.axes,
+        known,
+        tick,
+        accepted,
+    );
+    let (fsm, _) = decided_on(input);
+    assert!(complete == fsm, "T9: the decision sees what is known");
+    let shadow = shadow_of(decision.next.phase, &fsm);
+    let holds = tick.reading.is_none() || parts.off_path && fsm.nominal_fault;
+    let stepped = array::from_fn(|axis| has_stepped(input, axis));
+    let expected = Order {
+        action: decision.action,
+        shadow,
+        stepped,
+        holds,
+    };
+    assert!(ordered == expected, "T9: ordered is what is decided");
+}
+
+/// The decision of a whole step is that of [`decide`] on the completed input. Tested, not proved:
+/// with it [`order_is_of_the_decision`] did not end in 4 minutes.
+pub fn decides_by_the_rules<const N: usize>(input: &StepInput<N>) {
+    let before = &input.session;
+    let (fsm, rules) = decided_on(input);
+    let (after, _) = input.step();
+    let expected = decide(&before.parts().discrete, &fsm, &rules).next;
+    assert!(
+        after.parts().discrete == expected,
+        "T9: decided by the rules"
+    );
+}
+
+/// State of an axis, the command to it, and its configuration, as they reach it.
+type Reached = (Axis, Option<(AxisCommand, AxisConfig)>);
+
+/// Every axis acts by itself: for any order, what reaches an axis is its own target, nominal
+/// reference, measurements and configuration, and no other's; and the axis goes on as it acted. So
+/// what is proved of an axis under any command holds for every axis of a session.
+pub fn axes_act_by_themselves<const N: usize>(
+    input: &StepInput<N>,
+    order: &Order<N>,
+    acted: &Axis,
+) {
+    let StepInput {
+        session,
+        tick,
+        accepted,
+        ..
+    } = input;
+    let parameters = session.config().parameters();
+    let before = session.parts().axes;
+    let mut after = before;
+    let mut reached: [Option<Reached>; N] = [const { None }; N];
+    carry_out(
+        parameters,
+        &mut after,
+        order,
+        tick,
+        accepted,
+        |index, axis, command| {
+            let before = *axis;
+            *axis = Axis {
+                nominal: before.nominal,
+                ..*acted
+            };
+            assert!(reached[index].is_none(), "T1: an axis acts once");
+            reached[index] = Some((before, command.map(|(command, config)| (command, *config))));
+        },
+    );
+    for axis in 0..N {
+        let own = before[axis];
+        let Some(reached) = &reached[axis] else {
+            panic!("T1: every axis acts")
+        };
+        let held = (own.nominal, own.actual);
+        let (nominal, actual) = tick.reading.map_or(held, |reading| {
+            (reading.nominal[axis], reading.actual[axis])
+        });
+        let command = AxisCommand {
+            action: order.action,
+            shadow: order.shadow,
+            target: accepted.targets[axis],
+            nominal: if order.holds { own.nominal } else { nominal },
+            nominal_stepped: order.stepped[axis],
+            actual,
+        };
+        assert!(reached.0 == own, "T1: an axis acts from its own state");
+        assert!(
+            reached.1 == Some((command, parameters.axes[axis])),
+            "T1: an axis acts on its own command"
+        );
+        assert!(
+            after[axis]
+                == Axis {
+                    nominal: own.nominal,
+                    ..*acted
+                },
+            "T1: an axis goes on as it acted"
+        );
+    }
+}
+
+/// One of any number of axes, which keeps its part of the invariant under any actions of the
+/// others: of these the decision knows no more than that all axes are at zero, which this one then
+/// is. With [`axes_act_by_themselves`] that is the invariant of every axis of a session.
+pub fn axis_of_many_stays_valid(
+    axis: &Axis,
+    config: &AxisConfig,
+    (discrete, fsm, rules): (&FsmState, &FsmInput, &Rules),
+    command: &AxisCommand,
+) {
+    let mut after = *axis;
+    if !after.is_valid(discrete.phase, &config.limits)
+        || (fsm.all_zero && !after.channels.is_zero())
+    {
+        return;
+    }
+    let Decision { next, action, .. } = decide(discrete, fsm, rules);
+    let command = AxisCommand {
+        action,
+        shadow: shadow_of(next.phase, fsm),
+        ..*command
+    };
+    let _ = after.act(&command, config, &mut AxisState::default());
+    assert!(
+        after.is_valid(next.phase, &config.limits),
+        "T6: an axis stays valid, whatever the others do"
+    );
+    if next.is_live() && !discrete.is_live() {
+        assert!(
+            after.channels.is_zero() && axis.channels.is_zero(),
+            "T6: authority only at zero, on every axis"
+        );
+    }
+}
+
+/// Action of the shadow: fresh commands in Submit are followed, a miss holds; elsewhere it rests.
+fn shadow_of(phase: Phase, fsm: &FsmInput) -> Option<Action> {
+    match (phase, fsm.command) {
+        (Phase::Submit, Some(_)) => Some(Action::Follow),
+        (Phase::Submit, None) => Some(Action::Hold),
+        _ => None,
+    }
+}
+
+/// T1, T2, T3 of one channel of every axis.
+pub fn channels_are_bounded<const N: usize>(input: &StepInput<N>, kind: Kind) {
+    let (after, _) = input.step();
+    let before = &input.session;
+    for index in 0..N {
+        let limits = &before.config().parameters().axes[index].limits;
+        let old = &before.parts().axes[index].channels;
+        let new = &after.parts().axes[index].channels;
+        kind.check((old, new), limits, &Bounded);
+    }
+}
+
+/// The invariant of every axis: channels and shadow within their limits, at rest where the phase
+/// says so.
+pub fn axes_stay_valid<const N: usize>(input: &StepInput<N>) {
+    let (after, _) = input.step();
+    for index in 0..N {
+        let limits = &after.config().parameters().axes[index].limits;
+        assert!(
+            after.parts().axes[index].is_valid(after.phase(), limits),
+            "the invariant is kept"
+        );
+    }
+}
+
+/// T3: every drive's reference is inside the travel.
+pub fn references_are_inside_travel<const N: usize>(input: &StepInput<N>) {
+    let (after, output) = input.step();
+    for index in 0..N {
+        let travel = &after.config().parameters().axes[index].machine_travel;
+        let reference = output.references[index].position;
+        let inside = travel.lower <= reference && reference <= travel.upper;
+        assert!(inside, "T3: the drive's reference is inside the travel");
+    }
+}
+
+/// The rest of the invariant: the discrete state.
+pub fn discrete_stays_valid<const N: usize>(input: &StepInput<N>) {
+    let (after, output) = input.step();
+    let ticks = after.config().parameters().handshake_ticks;
+    assert!(
+        after.parts().discrete.is_valid(ticks),
+        "the discrete state stays valid"
+    );
+    assert!(output.state.phase == after.phase(), "the State says it");
+}
+
+/// T5: without a session, one channel of every axis moves by exactly `min(rho, |value|)` towards
+/// zero, for any input.
+pub fn channels_ramp<const N: usize>(input: &StepInput<N>, kind: Kind) {
+    let before = &input.session;
+    if !matches!(before.phase(), Phase::SafeDisconnect | Phase::Fault) {
+        return;
+    }
+    let (after, _) = input.step();
+    for index in 0..N {
+        let limits = &before.config().parameters().axes[index].limits;
+        let old = &before.parts().axes[index].channels;
+        let new = &after.parts().axes[index].channels;
+        kind.check((old, new), limits, &Ramped);
+    }
+}
+
+/// T6: whoever is welcomed finds every channel of every axis at zero, before and after.
+pub fn authority_needs_zero<const N: usize>(input: &StepInput<N>) {
+    let before = &input.session;
+    let (after, output) = input.step();
+    let granted = output.welcome.is_some() || (after.is_live() && !before.is_live());
+    if !granted {
+        return;
+    }
+    for session in [before, &after] {
+        for index in 0..N {
+            let channels = &session.parts().axes[index].channels;
+            assert!(channels.is_zero(), "T6: authority only at zero");
+        }
+    }
+    assert!(
+        output.welcome == after.owner() && after.phase() == Phase::Handshake,
+        "T6: who is welcomed owns the session"
+    );
+}
+
+/// T9: a step with the stop asserted, or on the way to the end, ends in Fault, and every channel
+/// ramps.
+pub fn stop_ends_in_fault<const N: usize>(input: &StepInput<N>) {
+    let before = &input.session;
+    if !input.tick.stop && !input.tick.quit {
+        return;
+    }
+    let (after, output) = input.step();
+    assert!(
+        output.latched || !input.tick.stop,
+        "T9: a stop at the machine is latched"
+    );
+    assert!(after.phase() == Phase::Fault, "T9: a stop ends in Fault");
+    for index in 0..N {
+        let limits = &before.config().parameters().axes[index].limits;
+        let mut ramped = before.parts().axes[index].channels;
+        ramped.act(Action::Ramp, &Offsets::ZERO, limits);
+        let new = after.parts().axes[index].channels;
+        assert!(new == ramped, "T9: every channel ramps");
+    }
+}
+
+/// T9, over the lives of a server: as long as the stop is latched, the phase being Fault, no peer
+/// is welcomed, and only a re-arm that was seen released ends it, at zero. That every tick in Fault
+/// ramps is [`channels_ramp`]; a server that starts with the latch is in Fault
+/// ([`starts_as_told`]).
+pub fn latch_holds<const N: usize>(input: &StepInput<N>) {
+    let before = &input.session;
+    if before.phase() != Phase::Fault {
+        return;
+    }
+    let (after, output) = input.step();
+    assert!(
+        output.welcome.is_none() && !after.is_live(),
+        "T9: nobody is welcomed in Fault"
+    );
+    let rearmed = input.tick.rearm && before.parts().discrete.rearm_released;
+    let at_zero = (0..N).all(|axis| before.parts().axes[axis].channels.is_zero());
+    let may_leave =
+        rearmed && at_zero && !input.tick.stop && !input.tick.quit && input.tick.reading.is_some();
+    assert!(
+        after.phase() == Phase::Fault || may_leave,
+        "T9: only a re-arm leads out of Fault"
+    );
+    let holds = !before.parts().discrete.latched || output.latched;
+    assert!(
+        holds || after.phase() != Phase::Fault,
+        "T9: only a re-arm releases the latch"
+    );
+}
+
+/// The start of a server: it has the values in force at the drives, off the path until it meets it;
+/// it is in Fault with a latched stop, and listens only at zero. Offsets beyond their limits refuse
+/// it.
+pub fn starts_as_told<const N: usize>(config: Config<N>, start: &Start<N>) {
+    let axes = &config.parameters().axes;
+    let within = (0..N).all(|axis| axes[axis].limits.admits(&start.in_force[axis].offsets));
+    let Ok(session) = Session::new(config, start) else {
+        assert!(!within, "T12: only offsets beyond their limits are refused");
+        return;
+    };
+    assert!(within && session.is_valid(), "T12: a session starts valid");
+    assert!(
+        session.demanded() == start.in_force,
+        "T21: a server starts with what is in force"
+    );
+    assert!(session.parts().off_path, "T21: and waits for the path");
+    let at_zero = (0..N).all(|axis| start.in_force[axis].offsets == Offsets::ZERO);
+    let expected = match (start.stop_latched, at_zero) {
+        (true, _) => Phase::Fault,
+        (false, true) => Phase::Listening,
+        (false, false) => Phase::SafeDisconnect,
+    };
+    assert!(
+        session.phase() == expected,
+        "T9: a latched stop outlives the server"
+    );
+    assert!(
+        session.parts().discrete.latched == start.stop_latched,
+        "T9: and is still latched"
+    );
+    assert!(
+        !session.parts().discrete.rearm_released,
+        "T9: a stuck re-arm leads nowhere"
+    );
+}
+
+/// T7, for a whole tick: two inputs that are accepted alike lead to the same references and the
+/// same discrete state.
+pub fn counts_decide_nothing<const N: usize>(input: &StepInput<N>, diagnostics: &Diagnostics) {
+    let diagnostics = diagnostics.clone();
+    decide_alike(
+        input,
+        &StepInput {
+            diagnostics,
+            ..input.clone()
+        },
+    );
+}
+
+/// Two inputs lead to the same references, the same channels and the same discrete state.
+fn decide_alike<const N: usize>(one: &StepInput<N>, other: &StepInput<N>) {
+    let ((one, one_output), (other, other_output)) = (one.step(), other.step());
+    assert!(
+        one_output.references == other_output.references,
+        "T7: the same references"
+    );
+    assert!(
+        one.parts().discrete == other.parts().discrete,
+        "T7: the same discrete state"
+    );
+    assert!(
+        one.parts().axes == other.parts().axes,
+        "T7: the same channels"
+    );
+}
+
+/// T12: after a refused write a session is valid and over, and goes on at rest from the values in
+/// force; without valid values nothing may be written, and no session is granted.
+pub fn settles_any_write<const N: usize>(before: &Session<N>, last_write: &LastWrite<N>) {
+    let mut after = *before;
+    after.apply_write_result(last_write);
+    assert!(after.is_valid(), "T12: the invariant is kept");
+    let in_force = match last_write {
+        LastWrite::Accepted => {
+            assert!(after == *before, "T12: nothing to settle");
+            return;
+        }
+        LastWrite::Refused { in_force } => Some(in_force),
+        LastWrite::Unknown => None,
+    };
+    assert!(
+        matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
+        "T12: the session is over"
+    );
+    let known = (0..N).all(|axis| {
+        let limits = &before.config().parameters().axes[axis].limits;
+        in_force.is_some_and(|in_force| limits.admits(&in_force[axis].offsets))
+    });
+    assert!(
+        after.parts().withheld != known,
+        "T12: withheld unless the values in force are known and valid"
+    );
+    for axis in 0..N {
+        let (old, new) = (&before.parts().axes[axis], &after.parts().axes[axis]);
+        match in_force {
+            Some(in_force) if known => assert!(
+                new.channels.offsets() == in_force[axis].offsets
+                    && new.nominal == in_force[axis].nominal,
+                "T12: goes on from the values in force"
+            ),
+            _ => assert!(new.channels == old.channels, "T12: keeps what it believes"),
+        }
+    }
+}
+
+/// Nothing is granted, and nothing may be written, until a read-back has said what is in force.
+pub fn withheld_until_read_back<const N: usize>(input: &StepInput<N>) {
+    if !input.session.parts().withheld {
+        return;
+    }
+    let (after, output) = input.step();
+    assert!(output.withheld, "nothing may be written");
+    assert!(output.welcome.is_none(), "no session is granted");
+    assert!(
+        matches!(after.phase(), Phase::SafeDisconnect | Phase::Fault),
+        "the server does not listen"
+    );
+}
+
+/// Every property of a whole tick but T7's comparison of two inputs: T1 to T6 and T9.
+pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
+    for kind in Kind::ALL {
+        channels_are_bounded(input, kind);
+        channels_ramp(input, kind);
+    }
+    axes_stay_valid(input);
+    references_are_inside_travel(input);
+    discrete_stays_valid(input);
+    authority_needs_zero(input);
+    stop_ends_in_fault(input);
+    latch_holds(input);
+    order_is_of_the_decision(input);
+    decides_by_the_rules(input);
+    withheld_until_read_back(input);
+    counts_decide_nothing(input, &Diagnostics::default());
+}
+
+/// Returns the input without events that must not matter: those of non-owners outside Listening,
+/// and the owner's commands that are not fresh.
+#[must_use]
+pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input<N> {
+    let mut session = *before;
+    session.apply_write_result(&input.tick.last_write);
+    let classifier = ingress::classifier(&session, input.epochs.after(session.epoch()));
+    let mut without = input.clone();
+    without.events.retain(|(from, event)| {
+        if session.owner() != Some(*from) {
+            return session.phase() == Phase::Listening;
+        }
+        match event {
+            Event::Message(ClientMessage::Command(command)) => {
+                ingress::is_fresh(&classifier, command)
+            }
+            _ => true,
+        }
+    });
+    without
+}
+
+/// T7, from the events on: an input without what does not come from the owner, or is not fresh,
+/// leads to the same references, the same channels and the same discrete state.
+pub fn same_outcome<const N: usize>(session: &Session<N>, input: &Input<N>, essential: &Input<N>) {
+    decide_alike(
+        &StepInput::after_events(session, input),
+        &StepInput::after_events(session, essential),
+    );
+}
