@@ -13,7 +13,7 @@ use super::regular_file::{self, Access};
 /// a file that was removed could be locked twice, and a disk that hangs must not hold up the end.
 #[derive(Debug)]
 pub struct Lock {
-    _file: File,
+    file: File,
 }
 
 /// Reason why a lock is not acquired.
@@ -62,7 +62,13 @@ impl Lock {
         file.set_len(0)?;
         file.seek(SeekFrom::Start(0))?;
         writeln!(file, "pid {} ({owner})", std::process::id())?;
-        Ok(Self { _file: file })
+        Ok(Self { file })
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        unlock(&self.file);
     }
 }
 
@@ -103,6 +109,14 @@ fn locked(file: File) -> io::Result<Option<File>> {
     }
 }
 
+/// Releases the lock. Closing the file is not enough: a child process has it too, from its fork to
+/// the start of its program.
+#[cfg(unix)]
+fn unlock(file: &File) {
+    // Closing it does the rest.
+    let _unlocked = rustix::fs::flock(file, rustix::fs::FlockOperation::Unlock);
+}
+
 /// Opens a file that others may then only read; `None` if another process has it open so.
 #[cfg(windows)]
 fn open_locked(path: &Path) -> io::Result<Option<File>> {
@@ -126,4 +140,28 @@ fn open_locked(path: &Path) -> io::Result<Option<File>> {
 #[cfg(windows)]
 fn open_to_read(path: &Path) -> io::Result<Option<File>> {
     regular_file::open(path, Access::Read).map(Some)
+}
+
+/// Does nothing: children inherit no open files here.
+#[cfg(windows)]
+fn unlock(_: &File) {}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_released_while_a_child_still_has_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        let lock = Lock::acquire(&path, "first").unwrap();
+        let of_child = lock.file.try_clone().unwrap();
+        assert!(matches!(
+            Lock::acquire(&path, "second"),
+            Err(LockError::InUse { .. })
+        ));
+        drop(lock);
+        drop(Lock::acquire(&path, "second").unwrap());
+        drop(of_child);
+    }
 }

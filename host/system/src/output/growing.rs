@@ -152,6 +152,14 @@ impl GrowingFile {
     }
 }
 
+impl Drop for GrowingFile {
+    fn drop(&mut self) {
+        if let FileState::Open(file) = &self.state {
+            place::disown(file);
+        }
+    }
+}
+
 /// A write is in the file as a whole, or not at all: on a disk that fills up a table ends with a
 /// whole row. A stream may have taken a part.
 impl Write for GrowingFile {

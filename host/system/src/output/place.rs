@@ -125,6 +125,17 @@ pub(super) fn owned(file: File) -> io::Result<File> {
     Ok(file)
 }
 
+/// Gives the lock of [`owned`] back. Closing the file is not enough: a child process has it too,
+/// from its fork to the start of its program.
+#[cfg(unix)]
+pub(super) fn disown(file: &File) {
+    // Closing it does the rest.
+    let _unlocked = rustix::fs::flock(file, rustix::fs::FlockOperation::Unlock);
+}
+
+#[cfg(not(unix))]
+pub(super) fn disown(_: &File) {}
+
 /// Writes to a device or a pipe.
 pub(super) fn write_stream(path: &Path, bytes: &[u8]) -> io::Result<()> {
     stream::Bounded(&mut stream::open(path)?).write_all(bytes)

@@ -142,8 +142,11 @@ fn a_table_that_another_program_writes_is_left_to_it() {
             continued.contains("another program writes it"),
             "{continued}"
         );
+        // As a child process has it, between its fork and its program.
+        let of_child = first.open().unwrap().try_clone().unwrap();
         drop(first);
         GrowingFile::continuing(&path).unwrap();
+        drop(of_child);
     }
     // One that was removed meanwhile is made.
     let path = folder.put("removed.csv", "series,pose\n");
