@@ -92,6 +92,8 @@ enum Command {
     ///   ik {T} -> {q, iterations, residual};  fk {q} -> {T, R, iterations, residual};  jacobian {T} -> {J: dT/dq, by rows}
     ///   statics {T, w} -> {f: link tensions, tau: cart loads};  compliance {T} -> {C: 6x6, by rows}
     ///   deflection {T, w} -> {r: carts, dx_links, dx_total};  compensate {T, w} -> {q that holds T under w}
+    ///   dynamics {tcp_m, axes, drives, nu, wrench} -> {mass_matrix, accelerations, link_tensions, sensor_load};  modes {tcp_m} ->
+    ///   {first_five_modes_hz};  loop {tcp_m, filter} -> {closed_loop_growth_per_s, at_hz, any_phase_margin, margin_at_hz}: docs/cli.md
     ///
     /// Answers: {"id":..., "ok":{...}} or {"id":..., "error":{"kind":..., "message":...}}, kind one of not_converged, unreachable,
     /// singular, out_of_range, not_finite, seed_required, bad_robot, bad_request. Links in the order 11, 21, 22, 31, 32, 33.

@@ -15,12 +15,19 @@
 //! | `compliance` | `T`, `R`? | `C` |
 //! | `deflection` | `T`, `R`?, `w` | `r`, `dx_links`, `dx_total` |
 //! | `compensate` | `T`, `R`?, `w` | `q` |
+//! | `dynamics` | `tcp_m`, `rotation`?, `axes`?, `drives`?, `nu`?, `wrench`? | `mass_matrix`, `accelerations`, `link_tensions`, `sensor_load` |
+//! | `modes` | `tcp_m`, `rotation`?, `axes`? | `first_five_modes_hz` |
+//! | `loop` | as `modes`, `filter`, `drives`?, `latency_cycles`?, `position_gain`? | `closed_loop_growth_per_s`, `at_hz`, `any_phase_margin`, `margin_at_hz` |
+//!
+//! The last three take `masses`, `tool_kg` and `damping_ratio` too; by default they are those of the
+//! robot file.
 //!
 //! SI units, q-units for `q` and `r`; matrices by rows. `R` is the identity by default. Model `l2`
 //! (3 axes) is solved in closed form: a `seed` is read and not needed (for `fk`, an `R`, or that of
 //! the seed, is the orientation). Model `f1` (6 axes) iterates: plates start from the seed's `q_4`,
 //! `q_5`, `q_6` or from 0, the tool from the seed's pose or from the synchronised form.
 
+mod dynamics;
 mod f1;
 mod l2;
 mod ops;
@@ -33,6 +40,7 @@ use gantry_tau_machine::robot_file::AnyRobotFile;
 use gantry_tau_system::lines::{Line, read_line};
 use serde_json::{Value, json};
 
+use dynamics::Bodies;
 use request::SolvedMachine;
 
 /// Longest line that is read, in bytes, without its end.
@@ -159,10 +167,12 @@ impl Solver {
             AnyRobotFile::L2(file) => SolvedMachine::L2 {
                 robot: *file.model.robot(),
                 compliances: file.compliances,
+                bodies: Bodies::of(&file),
             },
             AnyRobotFile::F1(file) => SolvedMachine::F1 {
                 kinematics: file.model,
                 compliances: file.compliances,
+                bodies: Bodies::of(&file),
             },
         };
         if self.files.len() >= MAX_CACHED {

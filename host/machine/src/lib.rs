@@ -5,8 +5,11 @@
 //! | [`robot_file`] | robot files, read and checked |
 //! | [`model`] | the kinds of machine: L2 with three axes, F1 with six |
 //! | [`elastic`] | links and axes as springs: pose under load, readings of gauges |
+//! | [`masses`], [`dynamics`] | masses, equations of motion, modes |
 //! | [`sensor`] | mounting of the force sensor |
 //! | [`workspace`] | reach, condition number, compliance over a grid |
+//! | [`stability`] | stability of the compensation on a machine with mass |
+//! | [`drive_cascade`] | gains and masses of the simulated drives |
 //! | [`encoder_scale`] | counts of an encoder, and nanometres |
 //! | [`figure`], [`scene`] | the machine as lines in space |
 //!
@@ -38,11 +41,15 @@
     reason = "off the reference path; release builds keep their overflow checks, and `as` saturates where floats become integers"
 )]
 
+pub mod drive_cascade;
+pub mod dynamics;
 pub mod elastic;
 pub mod encoder_scale;
 pub mod figure;
+pub mod masses;
 pub mod model;
 pub mod robot_file;
 pub mod scene;
 pub mod sensor;
+pub mod stability;
 pub mod workspace;

@@ -9,6 +9,7 @@ pub mod edit;
 mod ethercat;
 mod keys;
 mod learned;
+mod masses;
 pub mod position_loop;
 mod problems;
 mod read;
@@ -26,6 +27,7 @@ use gantry_tau_system::lines::read_text;
 use gantry_tau_system::output::printable;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::masses::Masses;
 pub use crate::model::{CorrectionKind, WristJoint};
 use crate::model::{F1, L2, MachineKind};
 pub use configurations::CYCLE_US;
@@ -34,6 +36,7 @@ pub use drives::DriveKeys;
 pub use ethercat::{Ethercat, EthercatDrive};
 pub use keys::{F1Keys, Keys, L2Keys};
 pub use learned::{Calibrated, Identified, Play};
+pub use masses::{DAMPING_RATIO, InertiaKeys};
 pub use position_loop::PositionLoopKeys;
 pub use problems::{Problem, Problems};
 use read::GEOMETRY;
@@ -84,6 +87,8 @@ pub struct RobotFile<K, const N: usize> {
     pub position_loops: Option<[LoopConfig; N]>,
     /// `[ethercat]`; absent in a file without a bus.
     pub ethercat: Option<Ethercat>,
+    /// `[masses]`; absent: nothing is known of its dynamics.
+    pub masses: Option<Masses<N>>,
     /// `[simulation]`.
     pub simulation: Simulation,
     /// `[calibrated]`; absent in a file that was not calibrated.
@@ -299,6 +304,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         };
         let machine = machine(&keys, &sections, &mut problems);
         let drives = check_drives(&sections, &mut problems);
+        let masses = check_masses(&sections, &mut problems);
         check_rest::<T, N>(&sections, machine.as_ref(), &mut problems);
         let (Some(machine), Some(drives), true) = (machine, drives, problems.is_empty()) else {
             return Err(problems);
@@ -316,6 +322,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             position_loop: sections.position_loop,
             position_loops: drives.position_loops,
             ethercat: sections.ethercat,
+            masses,
             simulation: sections.simulation,
             calibrated: sections.calibrated,
             identified: sections.identified,
@@ -405,6 +412,19 @@ fn check_drives<const N: usize>(
         limits: limits?,
         position_loops,
     })
+}
+
+/// Checks the masses, which need those of tool and motors.
+fn check_masses<const N: usize>(
+    sections: &Sections<N>,
+    problems: &mut Problems,
+) -> Option<Masses<N>> {
+    let keys = sections.masses.as_ref()?;
+    problems
+        .of(&["masses", "sensor", "motors"], |problems| {
+            masses::check(keys, &sections.sensor.tool, &sections.motors, problems)
+        })
+        .flatten()
 }
 
 /// Checks the other sections.

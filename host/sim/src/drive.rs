@@ -23,6 +23,7 @@ pub mod supervision;
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::position_loop::VelocityReference;
 use gantry_tau_core::units::{TorquePermille, VelocityUmS};
+pub use gantry_tau_machine::drive_cascade::SUBSTEPS;
 pub use gantry_tau_machine::robot_file::{Interface, MAX_DELAY, RATED_FORCE_N};
 use gantry_tau_server::plant::DriveState;
 
@@ -38,8 +39,6 @@ use supervision::{Observed, Supervision, Trip};
 
 /// Length of a cycle, s.
 pub const CYCLE_S: f64 = 1e-3;
-/// Integration steps per cycle.
-pub const SUBSTEPS: u32 = 16;
 /// Length of an integration step, s.
 const SUBSTEP_S: f64 = CYCLE_S / 16.0;
 /// Cycles that are kept for the latency.

@@ -1,31 +1,17 @@
 //! Operations of the F1.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, ROTATION_TOLERANCE, Solution};
-use gantry_tau_core::model::linalg::rotation_deviation;
+use gantry_tau_core::model::kinematics::{COLD_ITERATIONS, Pose, Solution};
 use gantry_tau_core::model::statics::LineMatrix;
-use gantry_tau_machine::robot_file::matrix;
-use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
 use super::SolveError;
 use super::ops::{Operations, SolveTask, rows};
-use super::request::{field, optional_field};
+use super::request::{self, field, optional_field};
 
 /// `T`, and `R` or the identity.
 fn pose(object: &Value) -> Result<Pose, SolveError> {
-    let position: [f64; 3] = field(object, "T")?;
-    let rotation = optional_field(object, "R")?.map_or_else(Matrix3::identity, matrix);
-    let deviation = rotation_deviation(&rotation);
-    if deviation > ROTATION_TOLERANCE {
-        return Err(SolveError::request(format!(
-            "R is not a rotation matrix (deviation {deviation:e})"
-        )));
-    }
-    Ok(Pose {
-        position_m: Vector3::from(position),
-        rotation,
-    })
+    request::pose(object, "T", "R")
 }
 
 impl SolveTask<'_, f1::Kinematics, { f1::AXES }> {

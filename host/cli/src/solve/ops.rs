@@ -4,14 +4,16 @@ use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::l2::OrientationError;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::statics::{LineMatrix, Wrench};
-use nalgebra::SMatrix;
+use gantry_tau_machine::model::MachineKind;
+use nalgebra::{Dim, Matrix, RawStorage};
 use serde_json::{Value, json};
 
+use super::dynamics::Bodies;
 use super::request::{SolvedMachine, field};
 use super::{SolveError, l2};
 
 /// Names of all operations.
-pub(super) const NAMES: [&str; 7] = [
+pub(super) const NAMES: [&str; 10] = [
     "ik",
     "fk",
     "jacobian",
@@ -19,6 +21,9 @@ pub(super) const NAMES: [&str; 7] = [
     "compliance",
     "deflection",
     "compensate",
+    "dynamics",
+    "modes",
+    "loop",
 ];
 
 impl From<KinematicsError> for SolveError {
@@ -46,11 +51,16 @@ pub(super) fn solve(
     request: &Value,
 ) -> Result<Value, SolveError> {
     match machine {
-        SolvedMachine::L2 { robot, compliances } => {
+        SolvedMachine::L2 {
+            robot,
+            compliances,
+            bodies,
+        } => {
             let kinematics = l2::kinematics(robot, request)?;
             SolveTask {
                 kinematics: &kinematics,
                 compliances: compliances.as_ref(),
+                bodies,
                 request,
             }
             .solve(op)
@@ -58,9 +68,11 @@ pub(super) fn solve(
         SolvedMachine::F1 {
             kinematics,
             compliances,
+            bodies,
         } => SolveTask {
             kinematics,
             compliances: compliances.as_ref(),
+            bodies,
             request,
         }
         .solve(op),
@@ -71,6 +83,7 @@ pub(super) fn solve(
 pub(super) struct SolveTask<'a, K, const N: usize> {
     pub(super) kinematics: &'a K,
     pub(super) compliances: Option<&'a Compliances<N>>,
+    pub(super) bodies: &'a Bodies<N>,
     pub(super) request: &'a Value,
 }
 
@@ -86,7 +99,7 @@ pub(super) trait Operations<const N: usize> {
     fn lines(&self) -> Result<LineMatrix<N>, SolveError>;
 }
 
-impl<K, const N: usize> SolveTask<'_, K, N>
+impl<K: MachineKind<N>, const N: usize> SolveTask<'_, K, N>
 where
     Self: Operations<N>,
 {
@@ -99,6 +112,9 @@ where
             "compliance" => self.compliance(),
             "deflection" => self.deflection(),
             "compensate" => self.compensate(),
+            "dynamics" => self.dynamics(),
+            "modes" => self.modes(),
+            "loop" => self.closed_loop(),
             _ => Err(SolveError::request(format!("op {op:?} is unknown"))),
         }
     }
@@ -142,7 +158,9 @@ pub(super) fn finite(values: impl IntoIterator<Item = f64>) -> Result<(), SolveE
 }
 
 /// Returns a matrix as nested arrays, by rows.
-pub(super) fn rows<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Vec<Vec<f64>> {
+pub(super) fn rows<R: Dim, C: Dim, S: RawStorage<f64, R, C>>(
+    matrix: &Matrix<f64, R, C, S>,
+) -> Vec<Vec<f64>> {
     (matrix.row_iter())
         .map(|row| row.iter().copied().collect())
         .collect()

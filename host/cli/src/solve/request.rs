@@ -1,13 +1,20 @@
 //! Readers for parts of requests: the inline robot, and named numbers.
 
+use gantry_tau_core::model::kinematics::{Pose, ROTATION_TOLERANCE};
+use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::{f1, l2};
-use gantry_tau_machine::robot_file::{F1Keys, Keys, L2Keys, Problem, Problems};
+use gantry_tau_machine::robot_file::{F1Keys, Keys, L2Keys, Problem, Problems, matrix};
+use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::SolveError;
+use super::dynamics::Bodies;
+
+/// Way of a plate's screw per radian where a robot does not say it, m.
+const SCREW_M_PER_RAD: f64 = 0.1;
 
 /// A robot of a request.
 #[derive(Clone, Copy, Debug)]
@@ -19,10 +26,12 @@ pub(super) enum SolvedMachine {
     L2 {
         robot: l2::Robot,
         compliances: Option<Compliances<{ l2::AXES }>>,
+        bodies: Bodies<{ l2::AXES }>,
     },
     F1 {
         kinematics: f1::Kinematics,
         compliances: Option<Compliances<{ f1::AXES }>>,
+        bodies: Bodies<{ f1::AXES }>,
     },
 }
 
@@ -36,24 +45,30 @@ impl From<Problem> for SolveError {
 pub(super) fn inline(robot: &Value) -> Result<SolvedMachine, SolveError> {
     match robot.get("model").and_then(Value::as_str) {
         Some("l2") => {
-            let (robot, compliances) = read::<L2Keys, { l2::AXES }>(robot)?;
-            Ok(SolvedMachine::L2 { robot, compliances })
+            let (robot, compliances, metres_per_q) = read::<L2Keys, { l2::AXES }>(robot)?;
+            Ok(SolvedMachine::L2 {
+                robot,
+                compliances,
+                bodies: Bodies::massless(metres_per_q, &[1; l2::AXES]),
+            })
         }
         Some("f1") => {
-            let (robot, compliances) = read::<F1Keys, { f1::AXES }>(robot)?;
+            let (robot, compliances, metres_per_q) = read::<F1Keys, { f1::AXES }>(robot)?;
             Ok(SolvedMachine::F1 {
                 kinematics: f1::Kinematics::new(&robot),
                 compliances,
+                bodies: Bodies::massless(metres_per_q, &[2, 2, 2, 1, 1, 1]),
             })
         }
         _ => Err(SolveError::robot("model must be \"l2\" or \"f1\"")),
     }
 }
 
+/// Geometry, compliances, and the length of one unit of each `q`, m.
+type Read<K, const N: usize> = (<K as Keys<N>>::Robot, Option<Compliances<N>>, [f64; N]);
+
 /// Reads the keys of a machine, and `travel` in q-units. Unknown keys are ignored.
-fn read<K: Keys<N>, const N: usize>(
-    robot: &Value,
-) -> Result<(K::Robot, Option<Compliances<N>>), SolveError>
+fn read<K: Keys<N>, const N: usize>(robot: &Value) -> Result<Read<K, N>, SolveError>
 where
     [(f64, f64); N]: DeserializeOwned,
 {
@@ -64,9 +79,29 @@ where
     let mut problems = Problems::default();
     // Wrong numbers have others in their places.
     match keys.robot(travel, &mut problems) {
-        Some(robot) if problems.is_empty() => Ok((robot, keys.compliances()?)),
+        Some(robot) if problems.is_empty() => {
+            let metres_per_q =
+                (keys.metres_per_q()).map(|length| length.unwrap_or(SCREW_M_PER_RAD));
+            Ok((robot, keys.compliances()?, metres_per_q))
+        }
         _ => Err(problems.into_first().into()),
     }
+}
+
+/// Reads a pose: a place (m), and an orientation or the identity.
+pub(super) fn pose(object: &Value, place: &str, orientation: &str) -> Result<Pose, SolveError> {
+    let position: [f64; 3] = field(object, place)?;
+    let rotation = optional_field(object, orientation)?.map_or_else(Matrix3::identity, matrix);
+    let deviation = rotation_deviation(&rotation);
+    if deviation > ROTATION_TOLERANCE {
+        return Err(SolveError::request(format!(
+            "{orientation} is not a rotation matrix (deviation {deviation:e})"
+        )));
+    }
+    Ok(Pose {
+        position_m: Vector3::from(position),
+        rotation,
+    })
 }
 
 /// Reads a field of the request.

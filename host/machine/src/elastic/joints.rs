@@ -3,7 +3,7 @@
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::ARM_OF_LINK;
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{Rotation3, SVector, Unit, Vector3};
 
 /// Index of `q_4` among the axes; `q_5` and `q_6` follow.
 const Q4: usize = 3;
@@ -47,6 +47,38 @@ pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N])
     }
 }
 
+/// Returns the acceleration of the joint of `link` with the axes at `q` and moving at these rates,
+/// none of which changes: that of a plate's joint on its way round, m/s^2.
+#[must_use]
+pub fn centripetal_m_per_s2<const N: usize>(
+    geometry: &f1::Geometry,
+    link: usize,
+    q: &[f64; N],
+    rates: &SVector<f64, N>,
+) -> Vector3<f64> {
+    let rate = |axis: usize| rates.get(axis).copied().unwrap_or(0.0);
+    let [sign_2, sign_3] = geometry.turn_signs.map(|branch| branch.sign());
+    let turn_axis = geometry.turn_axis.normalize();
+    let (turn, tilt) = match ARM_OF_LINK[link] {
+        1 => (turn_axis * (sign_2 * rate(Q4)), Vector3::zeros()),
+        2 => {
+            let q5 = q.get(Q4 + 1).copied().unwrap_or(0.0);
+            let turned = Rotation3::from_axis_angle(&Unit::new_normalize(turn_axis), sign_3 * q5);
+            let tilt_axis = turned * geometry.tilt_axis.normalize();
+            (
+                turn_axis * (sign_3 * rate(Q4 + 1)),
+                tilt_axis * rate(Q4 + 2),
+            )
+        }
+        _ => return Vector3::zeros(),
+    };
+    let arm = ARM_OF_LINK[link];
+    let cart_m = geometry.carts_m[arm] + geometry.guideways[arm] * q[arm];
+    let lever_m = joint(geometry, link, q).place_m - cart_m;
+    let spin = turn + tilt;
+    spin.cross(&spin.cross(&lever_m)) + turn.cross(&tilt).cross(&lever_m)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,6 +102,24 @@ mod tests {
                 let off = (difference - here.slopes[axis]).amax();
                 assert!(off < 1e-9, "link {link}, axis {axis}: {off:e}");
             }
+        }
+    }
+
+    /// Against the second difference along a way at constant rates, of 1e-4 s: the fourth
+    /// derivative leaves 1e-8, rounding 1e-16 m / 1e-8 s^2.
+    #[test]
+    fn at_constant_rates_a_joint_accelerates_towards_its_axis() {
+        let geometry = Vectors::f1().geometry;
+        let q = [1.5, 1.7, 1.6, 0.11, -0.07, 0.05];
+        let rates = SVector::from([0.3, -0.2, 0.4, 1.3, -0.8, 1.1]);
+        for link in 0..LINKS {
+            let [behind, here, ahead] = [-1e-4, 0.0, 1e-4].map(|s| {
+                let at: [f64; 6] = std::array::from_fn(|axis| q[axis] + s * rates[axis]);
+                joint(&geometry, link, &at).place_m
+            });
+            let difference = (ahead - here * 2.0 + behind) / 1e-8;
+            let off = (difference - centripetal_m_per_s2(&geometry, link, &q, &rates)).amax();
+            assert!(off < 1e-6, "link {link}: {off:e}");
         }
     }
 }

@@ -151,6 +151,17 @@ impl<const N: usize> ElasticMachine<N> {
         &self.compliances
     }
 
+    /// Returns the geometry.
+    #[must_use]
+    pub const fn geometry(&self) -> &f1::Geometry {
+        &self.geometry
+    }
+
+    /// Returns the joint of a link on its cart or plate, with the axes (not the motors) at `axes`.
+    pub(crate) fn joint(&self, link: usize, axes: &[f64; N]) -> Joint<N> {
+        joint(&self.geometry, link, axes)
+    }
+
     /// Returns the backlash.
     #[must_use]
     pub const fn backlash(&self) -> &Backlash {
@@ -250,20 +261,22 @@ impl<const N: usize> ElasticMachine<N> {
 
     /// Returns the vector from platform joint to cart joint of one link (metres), and the latter.
     fn link(&self, link: usize, axes: &SVector<f64, N>, pose: &Pose) -> (Vector3<f64>, Joint<N>) {
-        let joint = joint(&self.geometry, link, &(*axes).into());
+        let joint = self.joint(link, &(*axes).into());
         let on_platform =
             pose.translation_m + pose.rotation * self.geometry.platform_joints_m[link];
         (joint.place_m - on_platform, joint)
     }
 
     /// Returns `W` and `D` with the axes (not the motors) at `axes`.
-    fn lines(&self, axes: &SVector<f64, N>, pose: &Pose) -> LineMatrices<N> {
+    pub(crate) fn lines(&self, axes: &SVector<f64, N>, pose: &Pose) -> LineMatrices<N> {
         let mut lines = LineMatrices {
+            lengths_m: Vector6::zeros(),
             matrix: Matrix6::zeros(),
             drives: SMatrix::zeros(),
         };
         for link in 0..LINKS {
             let (vector, joint) = self.link(link, axes, pose);
+            lines.lengths_m[link] = vector.norm();
             let direction = vector.normalize();
             let lever = pose.rotation * self.geometry.platform_joints_m[link];
             let moment = lever.cross(&direction);
@@ -338,10 +351,12 @@ impl<const N: usize> Transmission<N> {
     }
 }
 
-/// Line matrix `W` (6 x 6) and `D_(ij),k = s_ij . dA_ij/dq_k` (6 x N).
-struct LineMatrices<const N: usize> {
-    matrix: Matrix6<f64>,
-    drives: SMatrix<f64, 6, N>,
+/// Distances of the links' joints, line matrix `W` (6 x 6) and `D_(ij),k = s_ij . dA_ij/dq_k`
+/// (6 x N).
+pub(crate) struct LineMatrices<const N: usize> {
+    pub(crate) lengths_m: Vector6<f64>,
+    pub(crate) matrix: Matrix6<f64>,
+    pub(crate) drives: SMatrix<f64, 6, N>,
 }
 
 /// Returns `T + dT`, `exp(dtheta) R`.

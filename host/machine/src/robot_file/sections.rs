@@ -7,6 +7,7 @@ use serde::Deserialize;
 use super::drives::DriveKeys;
 use super::ethercat::Ethercat;
 use super::learned::{Calibrated, Identified, Play};
+use super::masses::MassKeys;
 use super::matrix;
 use super::position_loop::PositionLoopKeys;
 use super::read::Reader;
@@ -21,6 +22,7 @@ pub(super) struct Sections<const N: usize> {
     pub(super) drives: Option<DriveKeys>,
     pub(super) position_loop: Option<PositionLoopKeys>,
     pub(super) ethercat: Option<Ethercat>,
+    pub(super) masses: Option<MassKeys>,
     pub(super) simulation: Simulation,
     pub(super) calibrated: Option<Calibrated>,
     pub(super) identified: Option<Identified>,
@@ -29,7 +31,7 @@ pub(super) struct Sections<const N: usize> {
 }
 
 impl<const N: usize> Sections<N> {
-    pub(super) const NAMES: [&'static str; 12] = [
+    pub(super) const NAMES: [&'static str; 13] = [
         "axes",
         "motors",
         "sensor",
@@ -37,6 +39,7 @@ impl<const N: usize> Sections<N> {
         "drives",
         "position_loop",
         "ethercat",
+        "masses",
         "simulation",
         "calibrated",
         "identified",
@@ -54,6 +57,7 @@ impl<const N: usize> Sections<N> {
             drives: reader.optional("drives"),
             position_loop: reader.optional("position_loop"),
             ethercat: reader.optional("ethercat"),
+            masses: reader.optional("masses"),
             simulation: reader.section("simulation")?,
             calibrated: reader.optional("calibrated"),
             identified: reader.optional("identified"),

@@ -524,3 +524,132 @@ fn compliances_that_no_spring_has_are_reported() {
         );
     }
 }
+
+#[test]
+fn masses_that_no_machine_has_are_refused_by_key() {
+    for (from, to, key) in [
+        (
+            "platform_kg = 12.0",
+            "platform_kg = 0.0",
+            "masses.platform_kg",
+        ),
+        (
+            "platform_kg = 12.0",
+            "platform_kg = nan",
+            "masses.platform_kg",
+        ),
+        (
+            "platform_inertia_kgm2 = [0.12, 0.12, 0.18]",
+            "platform_inertia_kgm2 = [0.12, 0.12, 0.25]",
+            "masses.platform_inertia_kgm2",
+        ),
+        (
+            "platform_inertia_kgm2 = [0.12, 0.12, 0.18]",
+            "platform_inertia_kgm2 = [[0.12, 0.01, 0.0], [0.0, 0.12, 0.0], [0.0, 0.0, 0.18]]",
+            "masses.platform_inertia_kgm2",
+        ),
+        (
+            "platform_inertia_kgm2 = [0.12, 0.12, 0.18]",
+            "platform_inertia_kgm2 = 0.12",
+            "masses.platform_inertia_kgm2",
+        ),
+        (
+            "tool_inertia_kgm2 = [6.0e-3, 6.0e-3, 3.0e-3]",
+            "tool_inertia_kgm2 = [6.0e-3, 0.0, 3.0e-3]",
+            "masses.tool_inertia_kgm2",
+        ),
+        (
+            "link_kg = [2.0, 2.0, 2.0, 2.0, 2.0, 2.0]",
+            "link_kg = [2.0, 2.0, -2.0, 2.0, 2.0, 2.0]",
+            "masses.link_kg[2]",
+        ),
+        (
+            "cart_kg = [25.0, 25.0,",
+            "cart_kg = [25.0, 0.0,",
+            "masses.cart_kg[1]",
+        ),
+        (
+            "motor_kg = [20.0, 20.0, 20.0]",
+            "motor_kg = [20.0, 20.0]",
+            "masses.motor_kg",
+        ),
+        (
+            "motor_kg = [20.0, 20.0, 20.0]",
+            "motor_kg = [20.0, 20.0, 0.5]",
+            "masses.motor_kg[2]",
+        ),
+        (
+            "motor_kg = [20.0, 20.0, 20.0]",
+            "plate_inertia_kgm2 = [0.1, 0.1, 0.1]",
+            "masses.plate_inertia_kgm2",
+        ),
+        (
+            "damping_ratio = 0.02",
+            "damping_ratio = 0.0",
+            "masses.damping_ratio",
+        ),
+        (
+            "damping_ratio = 0.02",
+            "damping_ratio = 1.0",
+            "masses.damping_ratio",
+        ),
+        ("gravity = true", "gravity = 9.81", "masses.gravity"),
+        (
+            "weight_n = [0.0, 0.0, -18.0]",
+            "weight_n = [0.0, 0.0, 0.0]",
+            "masses",
+        ),
+    ] {
+        assert_refused(L2_TEXT, from, to, key);
+    }
+    assert_refused(
+        F1_TEXT,
+        "plate_inertia_kgm2 = [0.12, 0.12, 0.08]\n",
+        "",
+        "masses.plate_inertia_kgm2",
+    );
+    assert_refused(
+        F1_TEXT,
+        "plate_inertia_kgm2 = [0.12, 0.12, 0.08]",
+        "plate_inertia_kgm2 = [0.12, 0.0, 0.08]",
+        "masses.plate_inertia_kgm2[1]",
+    );
+}
+
+#[test]
+fn masses_come_from_their_section_the_tool_and_the_motors() {
+    let masses = RobotFile::builtin_f1().unwrap().masses.unwrap();
+    assert!((masses.tool.mass_kg - 18.0 / 9.80665).abs() < 1e-12);
+    assert_eq!(masses.tool.centre_m, Vector3::new(0.01, 0.0, -0.12));
+    // Two motors on each cart.
+    let expected = [40.0, 40.0, 40.0, 20.0, 20.0, 20.0];
+    assert_eq!(
+        masses.motors_kg.map(f64::to_bits),
+        expected.map(f64::to_bits)
+    );
+    let expected = [0.12, 0.12, 0.08];
+    assert_eq!(
+        masses.plates_kgm2.map(f64::to_bits),
+        expected.map(f64::to_bits)
+    );
+    let usual = L2_TEXT
+        .replace("motor_kg = [20.0, 20.0, 20.0]\n", "")
+        .replace("platform_centre_m = [0.0, 0.0, 0.02]\n", "")
+        .replace("tool_inertia_kgm2 = [6.0e-3, 6.0e-3, 3.0e-3]\n", "")
+        .replace("damping_ratio = 0.02\ngravity = true\n", "")
+        .replace(
+            "platform_inertia_kgm2 = [0.12, 0.12, 0.18]",
+            "platform_inertia_kgm2 = [[0.12, 0.01, 0], [0.01, 0.12, 0], [0, 0, 0.18]]",
+        );
+    let AnyRobotFile::L2(file) = AnyRobotFile::parse("x.toml", &usual).unwrap() else {
+        panic!("not an L2");
+    };
+    let masses = file.masses.unwrap();
+    assert_eq!(masses.motors_kg.map(f64::to_bits), [20.0_f64.to_bits(); 3]);
+    assert_eq!(masses.platform.centre_m, Vector3::zeros());
+    let crossed = Matrix3::new(0.12, 0.01, 0.0, 0.01, 0.12, 0.0, 0.0, 0.0, 0.18);
+    assert_eq!(masses.platform.inertia_kgm2, crossed);
+    assert_eq!(masses.tool.inertia_kgm2, Matrix3::zeros());
+    assert_eq!(masses.damping_ratio.to_bits(), 0.02_f64.to_bits());
+    assert!(masses.has_weight);
+}

@@ -1,24 +1,14 @@
-//! Settings of a drive. Gains, masses and friction are ASSUMED.
+//! Settings of a drive.
 
+pub use gantry_tau_machine::drive_cascade::{
+    CURRENT_SHARE, MASS_KG, MOTOR_MASS_KG, POSITION_GAIN, VELOCITY_GAIN, VELOCITY_INTEGRAL_S,
+    VISCOUS_FRICTION,
+};
 pub use gantry_tau_machine::robot_file::{DriveKeys, Interface};
 
 use super::encoder::Encoder;
 use super::supervision::Limits;
 
-/// Mass of cart and motor, the motor's inertia reflected to the guideway, kg.
-pub(super) const MASS_KG: f64 = 40.0;
-/// Part of it that turns with the motor, in front of the play, kg.
-pub(super) const MOTOR_MASS_KG: f64 = 20.0;
-/// Position loop: velocity per position error, 1/s.
-pub const POSITION_GAIN: f64 = 150.0;
-/// Velocity loop: acceleration per velocity error, 1/s.
-pub(super) const VELOCITY_GAIN: f64 = 900.0;
-/// Velocity loop: time of its integral, s.
-pub(super) const VELOCITY_INTEGRAL_S: f64 = 4.5e-3;
-/// Share of the way the current loop goes in one step: `1 - exp(-62.5 µs / 160 µs)`.
-pub(super) const CURRENT_SHARE: f64 = 0.323_4;
-/// Viscous friction, N s/m.
-pub(super) const VISCOUS_FRICTION: f64 = 200.0;
 /// Largest deceleration of a quick stop by default, m/s^2.
 const QUICK_STOP_M_PER_S2: f64 = 10.0;
 

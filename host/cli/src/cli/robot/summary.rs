@@ -38,6 +38,7 @@ pub(super) fn summary<K: MachineKind<N>, const N: usize>(
     lines.extend(springs(robot));
     lines.extend(sensor(robot));
     lines.extend(drives(robot));
+    lines.push(masses(robot));
     lines.push(String::new());
     lines.extend(home(robot)?);
     Ok(lines.join("\n"))
@@ -226,6 +227,23 @@ fn drives<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<String> {
         lines.push(line("bus", &text));
     }
     lines
+}
+
+/// What moves.
+fn masses<K, const N: usize>(robot: &RobotFile<K, N>) -> String {
+    let Some(masses) = &robot.masses else {
+        return line("masses", "none: nothing is known of motion and stability");
+    };
+    let text = format!(
+        "platform {} kg, tool {:.2}, links {}, carts {}, motors {}; damping {} %",
+        masses.platform.mass_kg,
+        masses.tool.mass_kg,
+        list(&masses.links_kg, 1.0, 1),
+        list(&masses.carts_kg, 1.0, 1),
+        list(&masses.motors_kg, 1.0, 1),
+        masses.damping_ratio * 1e2
+    );
+    line("masses", &text)
 }
 
 /// The machine with its tool at home.

@@ -1,0 +1,207 @@
+//! Vectors and symmetric matrices over the coordinates of a machine: six of the platform, `N` axes.
+
+use std::ops::{Add, AddAssign, Mul, Sub};
+
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
+
+/// Rates of the coordinates, their derivatives, or the forces along them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coordinates<const N: usize> {
+    /// Of the platform: of the tool centre point, then of its orientation, world axes.
+    pub platform: Vector6<f64>,
+    /// Of the axes, q-units.
+    pub axes: SVector<f64, N>,
+}
+
+impl<const N: usize> Coordinates<N> {
+    /// Returns zero.
+    #[must_use]
+    pub fn zeros() -> Self {
+        Self {
+            platform: Vector6::zeros(),
+            axes: SVector::zeros(),
+        }
+    }
+
+    /// Returns the platform's part, then the axes'.
+    #[must_use]
+    pub fn to_vector(&self) -> DVector<f64> {
+        let parts = self.platform.iter().chain(self.axes.iter());
+        DVector::from_iterator(6 + N, parts.copied())
+    }
+
+    /// True if no component is NaN or infinite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let parts = self.platform.iter().chain(self.axes.iter());
+        parts.copied().all(f64::is_finite)
+    }
+}
+
+impl<const N: usize> Add for Coordinates<N> {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            platform: self.platform + other.platform,
+            axes: self.axes + other.axes,
+        }
+    }
+}
+
+impl<const N: usize> AddAssign for Coordinates<N> {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<const N: usize> Sub for Coordinates<N> {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self {
+            platform: self.platform - other.platform,
+            axes: self.axes - other.axes,
+        }
+    }
+}
+
+impl<const N: usize> Mul<f64> for Coordinates<N> {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self {
+            platform: self.platform * factor,
+            axes: self.axes * factor,
+        }
+    }
+}
+
+/// Velocity of a point by the rates of the coordinates: `v = P nu_platform + A dq`, 3 x 6 and
+/// 3 x N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointJacobian<const N: usize> {
+    platform: SMatrix<f64, 3, 6>,
+    axes: SMatrix<f64, 3, N>,
+}
+
+impl<const N: usize> PointJacobian<N> {
+    /// Jacobian of a point that moves with the axes alone, by its slopes.
+    #[must_use]
+    pub fn on_axes(slopes: &[Vector3<f64>; N]) -> Self {
+        Self {
+            platform: SMatrix::zeros(),
+            axes: SMatrix::from_columns(slopes),
+        }
+    }
+
+    /// Jacobian of a point of the platform at `lever_m` from the tool centre point, world axes.
+    #[must_use]
+    pub fn on_platform(lever_m: &Vector3<f64>) -> Self {
+        let mut platform = SMatrix::<f64, 3, 6>::zeros();
+        platform
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&Matrix3::identity());
+        platform
+            .fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&-lever_m.cross_matrix());
+        Self {
+            platform,
+            axes: SMatrix::zeros(),
+        }
+    }
+
+    /// Returns the forces along the coordinates of a force on the point: `J^T f`.
+    #[must_use]
+    pub fn forces(&self, force_n: &Vector3<f64>) -> Coordinates<N> {
+        Coordinates {
+            platform: self.platform.transpose() * force_n,
+            axes: self.axes.transpose() * force_n,
+        }
+    }
+}
+
+/// A symmetric matrix over the coordinates, by blocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoordinateMatrix<const N: usize> {
+    /// Platform by platform.
+    pub platform: Matrix6<f64>,
+    /// Platform by axes.
+    pub cross: SMatrix<f64, 6, N>,
+    /// Axes by axes.
+    pub axes: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> CoordinateMatrix<N> {
+    /// Returns zero.
+    #[must_use]
+    pub fn zeros() -> Self {
+        Self {
+            platform: Matrix6::zeros(),
+            cross: SMatrix::zeros(),
+            axes: SMatrix::zeros(),
+        }
+    }
+
+    /// Adds `factor (J_a^T J_b + J_b^T J_a) / 2` of two points.
+    pub fn add_product(&mut self, factor: f64, a: &PointJacobian<N>, b: &PointJacobian<N>) {
+        let half = 0.5 * factor;
+        let of = |one: &PointJacobian<N>, other: &PointJacobian<N>| Self {
+            platform: one.platform.transpose() * other.platform * half,
+            cross: one.platform.transpose() * other.axes * half,
+            axes: one.axes.transpose() * other.axes * half,
+        };
+        for part in [of(a, b), of(b, a)] {
+            self.platform += part.platform;
+            self.cross += part.cross;
+            self.axes += part.axes;
+        }
+    }
+
+    /// Returns the product with a vector.
+    #[must_use]
+    pub fn times(&self, vector: &Coordinates<N>) -> Coordinates<N> {
+        Coordinates {
+            platform: self.platform * vector.platform + self.cross * vector.axes,
+            axes: self.cross.transpose() * vector.platform + self.axes * vector.axes,
+        }
+    }
+
+    /// Returns `x` of `A x = b`, of a positive definite matrix; `None` of another one. By the
+    /// platform's block and its Schur complement.
+    #[must_use]
+    pub fn solve(&self, vector: &Coordinates<N>) -> Option<Coordinates<N>> {
+        let platform = self.platform.cholesky()?;
+        let across = platform.solve(&self.cross);
+        let complement = (self.axes - self.cross.transpose() * across).cholesky()?;
+        let reduced = vector.axes - across.transpose() * vector.platform;
+        let axes = complement.solve(&reduced);
+        Some(Coordinates {
+            platform: platform.solve(&(vector.platform - self.cross * axes)),
+            axes,
+        })
+    }
+
+    /// Returns the whole matrix, (6 + N) x (6 + N): the platform's rows, then the axes'.
+    #[must_use]
+    pub fn to_matrix(&self) -> DMatrix<f64> {
+        let mut whole = DMatrix::zeros(6 + N, 6 + N);
+        whole.view_mut((0, 0), (6, 6)).copy_from(&self.platform);
+        whole.view_mut((0, 6), (6, N)).copy_from(&self.cross);
+        whole
+            .view_mut((6, 0), (N, 6))
+            .copy_from(&self.cross.transpose());
+        whole.view_mut((6, 6), (N, N)).copy_from(&self.axes);
+        whole
+    }
+
+    /// Matrix of the blocks of a whole one, as of [`to_matrix`](Self::to_matrix).
+    #[must_use]
+    pub fn from_matrix(whole: &DMatrix<f64>) -> Self {
+        Self {
+            platform: whole.fixed_view::<6, 6>(0, 0).into_owned(),
+            cross: whole.fixed_view::<6, N>(0, 6).into_owned(),
+            axes: whole.fixed_view::<N, N>(6, 6).into_owned(),
+        }
+    }
+}

@@ -1,0 +1,179 @@
+use gantry_tau_core::model::kinematics::Pose as RigidPose;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::OffsetNm;
+use nalgebra::{DVector, UnitQuaternion};
+
+use super::*;
+use crate::dynamics::MassiveMachine;
+use crate::elastic::backlash::Backlash;
+use crate::elastic::{ElasticMachine, Pose};
+use crate::model::{MachineKind, on_path};
+use crate::robot_file::RobotFile;
+
+/// A machine of a file with a tool of this mass at home, and its cascade.
+fn at_home<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    tool_kg: f64,
+) -> (LinearMachine<N>, DriveKind<N>) {
+    let mut masses = robot.masses.unwrap();
+    masses.tool.mass_kg = tool_kg;
+    let machine = MassiveMachine {
+        elastic: ElasticMachine::new(
+            robot.model.geometry(),
+            robot.compliances.unwrap(),
+            Backlash::NONE,
+        ),
+        masses,
+    };
+    let pose = Pose {
+        translation_m: robot.home_m(),
+        rotation: UnitQuaternion::identity(),
+    };
+    let motors = |axis| {
+        let of_axis = robot.motors.axis_of_motor.iter();
+        of_axis.filter(|of| **of == axis).map(|_| 1.0).sum()
+    };
+    let drives = DriveKind::Cascade {
+        position_gain_per_s: 150.0,
+        motors: std::array::from_fn(motors),
+        motors_kg: masses.motors_kg,
+        metres_per_q: robot.metres_per_q,
+    };
+    let linear = LinearMachine::at(&machine, &pose, &robot.home_q().unwrap()).unwrap();
+    (linear, drives)
+}
+
+/// A hundredth of a load leaves a hundredth of its second order, and a nanometre of rounding.
+fn the_correction_is_that_of_the_compensator<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+) {
+    let (linear, _) = at_home(robot, 1.8);
+    let limits = [OffsetNm(i32::MAX); N];
+    let compensator = robot.compensator(limits).unwrap();
+    let q = robot.home_q().unwrap();
+    let nominal = on_path(&q, &robot.metres_per_q).unwrap();
+    let pose = RigidPose::at(robot.home_m());
+    for component in 0..6 {
+        let mut load = [0.0; 6];
+        load[component] = if component < 3 { 10.0 } else { 1.0 };
+        let found = compensator
+            .correct(&pose, &nominal, &Wrench::from_array(load))
+            .unwrap();
+        let expected = &linear.correction * DVector::from_row_slice(&load);
+        for axis in 0..N {
+            let found_m = found.offsets[axis].to_metres().0;
+            let expected_m = expected[axis] * robot.metres_per_q[axis];
+            assert!(
+                (found_m - expected_m).abs() < 2e-9 + 1e-3 * expected.amax(),
+                "load {component}, axis {axis}: {found_m:e} and {expected_m:e}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_linear_correction_is_the_compensators() {
+    the_correction_is_that_of_the_compensator(&RobotFile::builtin_l2().unwrap());
+    the_correction_is_that_of_the_compensator(&RobotFile::builtin_f1().unwrap());
+}
+
+/// Drives that stand hold the machine where the references are, and a reading is zero at rest.
+#[test]
+fn a_machine_comes_to_rest_at_its_references() {
+    let (linear, cascade) = at_home(&RobotFile::builtin_l2().unwrap(), 1.8);
+    for drives in [DriveKind::Ideal, cascade] {
+        let map = TickMap::of(&linear, &drives);
+        let references = DVector::from_row_slice(&[10e-6, -20e-6, 30e-6]);
+        let mut state = DVector::zeros(map.state.nrows());
+        let mut largest = 0.0_f64;
+        for _ in 0..20_000 {
+            state = &map.state * state + (&map.previous + &map.current) * &references;
+            largest = largest.max((&map.reading * &state).amax());
+        }
+        for axis in 0..3 {
+            let off = (state[6 + axis] - references[axis]).abs();
+            assert!(off < 1e-12, "{drives:?}, axis {axis}: {off:e}");
+        }
+        assert!(
+            (&map.reading * &state).amax() < 1e-9 && largest > 0.01,
+            "{largest}"
+        );
+    }
+}
+
+/// The closed loop as it runs, from a push: its amplitude grows as its eigenvalue says.
+#[test]
+fn a_loop_grows_as_its_eigenvalue_says() {
+    let (linear, drives) = at_home(&RobotFile::builtin_l2().unwrap(), 5.0);
+    for (filter, grows) in [
+        (Filter::first_order(20.0), true),
+        (Filter::butterworth(6.0), false),
+    ] {
+        let map = TickMap::of(&linear, &drives);
+        let machine = map.state.nrows();
+        let looped = Loop::new(&linear, map, filter, 3);
+        let growth = looped.growth().unwrap();
+        assert_eq!(growth.per_s > 0.0, grows, "{growth:?}");
+        let mut state = looped.start();
+        state[6] = 1e-6;
+        // The slowest motion is left alone.
+        let mut energy = [0.0; 2];
+        for cycle in 0..30_000 {
+            state = looped.next(&state);
+            if cycle >= 28_000 {
+                energy[(cycle - 28_000) / 1_000] += state.rows(0, machine / 2).norm_squared();
+            }
+        }
+        let measured = 0.5 * (energy[1] / energy[0]).ln();
+        assert!(
+            (measured - growth.per_s).abs() < 0.05,
+            "{measured} {growth:?}"
+        );
+    }
+}
+
+/// A gain at the margin is where some phase makes the loop unstable; below it no latency does.
+#[test]
+fn below_the_margin_no_latency_is_unstable() {
+    let (linear, drives) = at_home(&RobotFile::builtin_l2().unwrap(), 5.0);
+    let map = TickMap::of(&linear, &drives);
+    let margin = |gain: f64, latency: usize| {
+        let mut weaker = linear.clone();
+        weaker.correction *= gain;
+        Loop::new(&weaker, map.clone(), Filter::first_order(20.0), latency)
+    };
+    let any_phase = margin(1.0, 3).margin().unwrap().any_phase;
+    assert!((0.1..0.5).contains(&any_phase), "{any_phase}");
+    let growths: Vec<f64> = (1..40)
+        .map(|latency| margin(0.95 * any_phase, latency).growth().unwrap().per_s)
+        .collect();
+    assert!(growths.iter().all(|growth| *growth < 0.0), "{growths:?}");
+    let most = (1..40)
+        .map(|latency| margin(1.3 * any_phase, latency).growth().unwrap().per_s)
+        .fold(f64::NEG_INFINITY, f64::max);
+    assert!(most > 0.0, "{most}");
+}
+
+/// Responses against what the filters are for: -3 dB at the corner, nothing at a notch.
+#[test]
+fn filters_have_their_frequencies() {
+    let at = |filter: &Filter, hz: f64| {
+        let (sin, cos) = (std::f64::consts::TAU * hz * CYCLE_S).sin_cos();
+        filter.response(nalgebra::Complex::new(cos, sin)).norm_sqr()
+    };
+    let low_pass = Filter::butterworth(6.0);
+    assert!((at(&low_pass, 6.0) - 0.5).abs() < 1e-12);
+    assert!((at(&low_pass, 1e-6) - 1.0).abs() < 1e-9);
+    assert!((at(&low_pass, 60.0).sqrt() - 0.01).abs() < 5e-4);
+    let notched = low_pass.with_notch(20.0, 0.7);
+    assert!(at(&notched, 20.0) < 1e-24 && (at(&notched, 1e-6) - 1.0).abs() < 1e-9);
+    // Backward Euler is within 2 % of its corner.
+    assert!((at(&Filter::first_order(10.0), 10.0) - 0.5).abs() < 0.02);
+    // The samples agree with the response: a step ends at the gain at rest.
+    let mut past = vec![[0.0; 2]; notched.order()];
+    let last = (0..2_000)
+        .map(|_| notched.next(&mut past, 1.0))
+        .last()
+        .unwrap();
+    assert!((last - 1.0).abs() < 1e-9, "{last}");
+}
