@@ -23,6 +23,7 @@ mod recover;
 mod replay;
 mod robot;
 mod serve;
+mod stability;
 mod verbosity;
 mod verify;
 mod workspace;
@@ -73,6 +74,7 @@ enum Command {
     Replay(replay::Replay),
     Robot(robot::RobotCommand),
     Workspace(workspace::Workspace),
+    Stability(stability::Stability),
     Draw(draw::Draw),
     Header(header::Header),
     Labcomm(labcomm::Labcomm),
@@ -170,6 +172,7 @@ pub fn main() -> ExitCode {
         Command::Follow(follow) => run_on(AnyRobotFile::named(&follow.robot), follow),
         Command::Replay(replay) => replay.run(),
         Command::Robot(robot) => robot.run(),
+        Command::Stability(stability) => run_on(AnyRobotFile::named(&stability.robot), stability),
         Command::Workspace(workspace) => run_on(workspace.machine.read(), workspace),
         Command::Draw(draw) => run_on(draw.machine.read(), draw),
         Command::Header(header) => header.run(),

@@ -16,7 +16,9 @@
 //! | [`linear_machine`] | a machine about one place: matrices of its motion |
 //! | [`tick_map`] | its motion over one cycle, with its drives |
 //! | [`closed_loop`] | growth of the closed loop |
-//! | [`margin`] | margin against any phase of the loop |
+//! | [`loop_gain`] | margin against any phase of the loop |
+//! | [`filter_kind`] | what a kind of filter is in one place |
+//! | [`survey`] | stability over the reach of a machine |
 #![expect(
     clippy::indexing_slicing,
     reason = "off the reference path: floats cannot panic, matrices have the sizes of their machine"
@@ -25,14 +27,18 @@
 pub mod closed_loop;
 mod eigenvalues;
 pub mod filter;
+pub mod filter_kind;
 pub mod linear_machine;
-pub mod margin;
+pub mod loop_gain;
+pub mod survey;
 pub mod tick_map;
 
 pub use closed_loop::{Growth, Loop};
 pub use filter::Filter;
-pub use linear_machine::LinearMachine;
-pub use margin::Margin;
+pub use filter_kind::FilterKind;
+pub use linear_machine::{Contact, LinearMachine};
+pub use loop_gain::{LoopGain, Margin};
+pub use survey::{Compensation, Place, StabilitySurvey};
 pub use tick_map::{DriveKind, TickMap};
 
 /// Length of a cycle, s.

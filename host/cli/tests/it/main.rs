@@ -54,6 +54,7 @@ mod robot;
 #[cfg(unix)]
 mod signals;
 mod solve;
+mod stability;
 mod tool;
 mod verify;
 mod workspace;

@@ -122,8 +122,11 @@ fn sensor(file: AnyRobotFile) -> Sensor {
 fn turned_poses_of_an_f1_give_its_tool() {
     let folder = Folder::new("tool_f1");
     measure_f1(&folder);
-    // A file without a tool, too: one is added.
+    // A file without a tool, too, and so without masses: one is added.
     let builtin = text_of("f1").unwrap();
+    let masses = builtin.find("[masses]").unwrap();
+    let next = masses + builtin[masses..].find("\n[simulation]").unwrap();
+    let builtin = builtin[..masses].to_owned() + &builtin[next..];
     let table = builtin.find("[sensor.tool]").unwrap();
     let end = table + builtin[table..].find("\n[client]").unwrap();
     folder.write(

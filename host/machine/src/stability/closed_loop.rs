@@ -5,18 +5,18 @@ use std::f64::consts::TAU;
 use nalgebra::{ComplexField, DMatrix, DVector};
 
 use super::filter::Past;
-use super::{CYCLE_S, Filter, LinearMachine, TickMap, eigenvalues};
+use super::{CYCLE_S, Filter, LinearMachine, LoopGain, Margin, TickMap, eigenvalues};
 
 /// The loop of a compensation of first order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loop {
     /// The machine with its drives.
-    pub(super) map: TickMap,
+    map: TickMap,
     /// Offsets by the state, `P H`, N x S.
-    pub(super) offsets: DMatrix<f64>,
-    pub(super) filter: Filter,
+    offsets: DMatrix<f64>,
+    filter: Filter,
     /// Cycles from a reading to the reference that answers it.
-    pub(super) latency_cycles: usize,
+    latency_cycles: usize,
 }
 
 /// Slowest decay, or fastest growth, of a loop.
@@ -61,6 +61,12 @@ impl Loop {
             per_s: slowest.modulus().ln() / CYCLE_S,
             hz: slowest.argument().abs() / (TAU * CYCLE_S),
         })
+    }
+
+    /// Returns the margin against any phase in free air. `None` if the eigenvalues are not found.
+    #[must_use]
+    pub fn margin(&self) -> Option<Margin> {
+        LoopGain::with(&self.map, self.offsets.clone())?.margin(&self.filter)
     }
 
     /// Matrix of the closed loop over a cycle, column by column.

@@ -2,9 +2,12 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
-use nalgebra::Complex;
+use nalgebra::{Complex, ComplexField};
 
 use super::CYCLE_S;
+
+/// Longest time that a step response is followed, s.
+pub const MAX_SETTLING_S: f64 = 20.0;
 
 /// `b_0 + b_1 z^-1 + b_2 z^-2` over `1 + a_1 z^-1 + a_2 z^-2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +72,28 @@ impl Filter {
             numerator / (back * (back * a[1] + a[0]) + 1.0)
         };
         self.sections.iter().map(of).product()
+    }
+
+    /// Returns the magnitude of the response at a frequency, Hz.
+    #[must_use]
+    pub fn gain(&self, hz: f64) -> f64 {
+        let (sin, cos) = (TAU * hz * CYCLE_S).sin_cos();
+        self.response(Complex::new(cos, sin)).modulus()
+    }
+
+    /// Returns the time after a step from which on the output stays within a share of it, s; at
+    /// most [`MAX_SETTLING_S`].
+    #[must_use]
+    pub fn settling_s(&self, share: f64) -> f64 {
+        let mut past = vec![Past::default(); self.order()];
+        let mut settled = 0;
+        let cycles = (MAX_SETTLING_S / CYCLE_S) as u32;
+        for cycle in 1..=cycles {
+            if (self.next(&mut past, 1.0) - 1.0).abs() > share {
+                settled = cycle;
+            }
+        }
+        f64::from(settled) * CYCLE_S
     }
 
     /// Number of sections.

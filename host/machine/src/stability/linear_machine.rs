@@ -1,6 +1,6 @@
 //! A machine about one place, at rest and unloaded: matrices of its motion.
 
-use nalgebra::{DMatrix, Matrix6};
+use nalgebra::{DMatrix, Matrix6, Vector3};
 
 use crate::dynamics::{CoordinateMatrix, Coordinates, MassiveMachine, Modes};
 use crate::elastic::Pose;
@@ -33,6 +33,8 @@ pub struct LinearMachine<const N: usize> {
     pub(super) axis_stiffness: [f64; N],
     /// Mass matrix of the tool about the tool centre point, 6 x 6.
     pub(super) tool: DMatrix<f64>,
+    /// Load on the tool by places, 6 x (6 + N): that of a workpiece.
+    pub(super) load_by_places: DMatrix<f64>,
     /// `P`: offsets (q-units) by a load on the platform, N x 6.
     pub correction: DMatrix<f64>,
 }
@@ -71,8 +73,38 @@ impl<const N: usize> LinearMachine<N> {
             load_by_drive_rates: drive_rates.transpose() * &rigid,
             axis_stiffness,
             tool: whole(&machine.masses.tool.mass_matrix(&pose.rotation)),
+            load_by_places: DMatrix::zeros(6, 6 + N),
             correction: correction(machine, pose, axes)?,
             modes,
+        })
+    }
+}
+
+/// An elastic workpiece that the tool is in contact with, all the time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Stiffness, N/m.
+    pub stiffness_n_per_m: f64,
+    /// Direction in which it holds the tool centre point, world axes; of any length.
+    pub direction: Vector3<f64>,
+}
+
+impl<const N: usize> LinearMachine<N> {
+    /// Returns the machine with its tool on a workpiece. `None` for masses that no body has.
+    #[must_use]
+    pub fn in_contact(&self, contact: &Contact) -> Option<Self> {
+        let normal = contact.direction.normalize();
+        let mut load_by_places = DMatrix::zeros(6, 6 + N);
+        load_by_places
+            .view_mut((0, 0), (3, 3))
+            .copy_from(&(normal * normal.transpose() * -contact.stiffness_n_per_m));
+        let mut forces = DMatrix::zeros(6 + N, 6 + N);
+        forces.rows_mut(0, 6).copy_from(&load_by_places);
+        let pushed = solved(&self.modes.mass, &forces)?;
+        Some(Self {
+            by_places: &self.by_places - pushed,
+            load_by_places,
+            ..self.clone()
         })
     }
 }

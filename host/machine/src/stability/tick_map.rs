@@ -1,9 +1,11 @@
 //! Motion of a linear machine over one cycle, with its drives: sixteen steps of symplectic Euler,
 //! as the simulation integrates, in one matrix.
 
-use nalgebra::DMatrix;
+use std::f64::consts::TAU;
 
-use super::{CYCLE_S, LinearMachine};
+use nalgebra::{ComplexField, DMatrix};
+
+use super::{CYCLE_S, LinearMachine, eigenvalues};
 use crate::drive_cascade::{
     CURRENT_SHARE, MASS_KG, SUBSTEPS, VELOCITY_GAIN, VELOCITY_INTEGRAL_S, VISCOUS_FRICTION,
 };
@@ -97,10 +99,10 @@ impl Motion {
             - &machine.by_rates * &self.rates
     }
 
-    /// Load that the sensor finds: less what the tool's acceleration takes.
+    /// Load that the sensor finds: that of a workpiece, less what the tool's acceleration takes.
     fn reading<const N: usize>(&self, machine: &LinearMachine<N>) -> DMatrix<f64> {
         let accelerations = self.accelerations(machine);
-        -(&machine.tool * accelerations.rows(0, 6))
+        &machine.load_by_places * &self.places - &machine.tool * accelerations.rows(0, 6)
     }
 }
 
@@ -125,6 +127,22 @@ impl TickMap {
             }
             .tick_map(),
         }
+    }
+
+    /// Returns frequency (Hz) and damping ratio of every vibration of the machine with its drives,
+    /// lowest first. `None` if the eigenvalues are not found.
+    #[must_use]
+    pub fn vibrations(&self) -> Option<Vec<(f64, f64)>> {
+        let mut all: Vec<(f64, f64)> = (eigenvalues::of_real(self.state.clone())?.into_iter())
+            .filter(|pole| pole.argument() > 0.0 && pole.modulus() > 1e-9)
+            .map(|pole| {
+                // By z = exp(s T).
+                let (decay, turn) = (-pole.modulus().ln(), pole.argument());
+                (turn / (TAU * CYCLE_S), decay / decay.hypot(turn))
+            })
+            .collect();
+        all.sort_by(|one, other| one.0.total_cmp(&other.0));
+        Some(all)
     }
 
     /// Runs the steps of a cycle. Each is `[z, r_previous, r_current] -> z'`.

@@ -48,31 +48,31 @@ impl Grid {
     /// the nominal travel (plates at 0). Its longest side has `cells` steps.
     #[must_use]
     pub fn of<K: MachineKind<N>, const N: usize>(file: &RobotFile<K, N>, cells: u32) -> Self {
-        let geometry = file.model.geometry();
-        let home_m = file.home_m();
-        let (mut lower, mut upper) = (home_m.map(|_| f64::MIN), home_m.map(|_| f64::MAX));
-        let links = ARM_OF_LINK
-            .into_iter()
-            .zip(geometry.lengths_m)
-            .zip(geometry.platform_joints_m);
-        for (link, ((arm, length), on_platform)) in links.enumerate() {
-            let travel = geometry.travel.and_then(|all| all.get(arm).copied());
-            let (from, to) = travel.unwrap_or((0.0, 0.0));
-            let ends = [from, to].map(|position| {
-                let mut q = [0.0; N];
-                if let Some(cart) = q.get_mut(arm) {
-                    *cart = position;
-                }
-                joint(&geometry, link, &q).place_m - on_platform
-            });
-            let [one, other] = ends;
-            lower = lower.sup(&one.inf(&other).add_scalar(-length));
-            upper = upper.inf(&one.sup(&other).add_scalar(length));
-        }
+        let (lower, upper) = bounds_m(file);
         let pitch_m = (upper - lower).max() / f64::from(cells);
+        Self::between(file.home_m(), lower, upper, pitch_m, cells)
+    }
+
+    /// Creates the same grid with this distance of neighbours, of at most 1000 steps to a side.
+    #[must_use]
+    pub fn with_pitch<K: MachineKind<N>, const N: usize>(
+        file: &RobotFile<K, N>,
+        pitch_m: f64,
+    ) -> Self {
+        let (lower, upper) = bounds_m(file);
+        Self::between(file.home_m(), lower, upper, pitch_m, 1_000)
+    }
+
+    fn between(
+        home_m: Vector3<f64>,
+        lower: Vector3<f64>,
+        upper: Vector3<f64>,
+        pitch_m: f64,
+        most: u32,
+    ) -> Self {
         // The conversion rounds down and takes NaN as 0.
         let [below, above] = [home_m - lower, upper - home_m]
-            .map(|ways_m| ways_m.map(|way_m| ((way_m / pitch_m) as u32).min(cells)));
+            .map(|ways_m| ways_m.map(|way_m| ((way_m / pitch_m) as u32).min(most)));
         Self {
             home_m,
             pitch_m,
@@ -100,18 +100,47 @@ impl Grid {
     }
 
     /// Returns the place so many steps from home.
-    pub(super) fn at(&self, steps: [i32; 3]) -> Vector3<f64> {
+    pub(crate) fn at(&self, steps: [i32; 3]) -> Vector3<f64> {
         self.home_m + Vector3::from(steps.map(f64::from)) * self.pitch_m
     }
 
     /// Returns all places, x slowest, z fastest.
-    pub(super) fn places(&self) -> impl Iterator<Item = [i32; 3]> + use<> {
+    pub(crate) fn places(&self) -> impl Iterator<Item = [i32; 3]> + use<> {
         let this = *self;
         this.steps(0).flat_map(move |x| {
             this.steps(1)
                 .flat_map(move |y| this.steps(2).map(move |z| [x, y, z]))
         })
     }
+}
+
+/// Returns lower and upper corner of the box of all places to which all links reach with their
+/// carts inside the nominal travel (plates at 0), world axes, m.
+fn bounds_m<K: MachineKind<N>, const N: usize>(
+    file: &RobotFile<K, N>,
+) -> (Vector3<f64>, Vector3<f64>) {
+    let geometry = file.model.geometry();
+    let home_m = file.home_m();
+    let (mut lower, mut upper) = (home_m.map(|_| f64::MIN), home_m.map(|_| f64::MAX));
+    let links = ARM_OF_LINK
+        .into_iter()
+        .zip(geometry.lengths_m)
+        .zip(geometry.platform_joints_m);
+    for (link, ((arm, length), on_platform)) in links.enumerate() {
+        let travel = geometry.travel.and_then(|all| all.get(arm).copied());
+        let (from, to) = travel.unwrap_or((0.0, 0.0));
+        let ends = [from, to].map(|position| {
+            let mut q = [0.0; N];
+            if let Some(cart) = q.get_mut(arm) {
+                *cart = position;
+            }
+            joint(&geometry, link, &q).place_m - on_platform
+        });
+        let [one, other] = ends;
+        lower = lower.sup(&one.inf(&other).add_scalar(-length));
+        upper = upper.inf(&one.sup(&other).add_scalar(length));
+    }
+    (lower, upper)
 }
 
 /// Evaluates the machine of a file at one place after another.

@@ -18,7 +18,7 @@ const FOLDERS: [(&str, &str); 3] = [
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 26] = [
+const COMMANDS: [(&str, &[&str]); 27] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
@@ -39,6 +39,7 @@ const COMMANDS: [(&str, &[&str]); 26] = [
     ("replay", &["IN"]),
     ("robot check", &["IN"]),
     ("workspace", &["--robot", "IN"]),
+    ("stability", &["--robot", "IN"]),
     ("draw", &["--robot", "IN"]),
     ("header", &["--robot", "IN"]),
     ("labcomm decode", &["IN"]),

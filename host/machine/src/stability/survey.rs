@@ -1,0 +1,259 @@
+//! Stability of a compensation over the reach of a machine.
+
+use gantry_tau_core::model::kinematics::Pose as RigidPose;
+use gantry_tau_core::model::robot::ARMS;
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+
+use super::{
+    Contact, DriveKind, Filter, FilterKind, Growth, LinearMachine, Loop, LoopGain, Margin, TickMap,
+};
+use crate::dynamics::MassiveMachine;
+use crate::elastic::Pose;
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
+use crate::workspace::Grid;
+
+/// Distance of the places, m.
+const PITCH_M: f64 = 0.1;
+/// Places that are so many times as compliant as home are left out.
+const MAX_COMPLIANT: f64 = 10.0;
+/// Turn of the platform, rad.
+const TURN_RAD: f64 = 0.1;
+/// What the modes are taken for in the worst case, as a factor of what they are.
+pub const WRONG_MODES: [f64; 2] = [0.8, 1.2];
+/// Smallest margin against any phase that is required.
+pub const MIN_MARGIN: f64 = 2.0;
+/// Smallest margin with a phase of its own on each axis.
+pub const MIN_MARGIN_PER_AXIS: f64 = 1.0;
+
+/// A compensation and the drives that it acts through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compensation<const N: usize> {
+    /// Filter of the load.
+    pub filter: FilterKind,
+    /// Drives.
+    pub drives: DriveKind<N>,
+    /// Cycles from a reading to the reference that answers it.
+    pub latency_cycles: usize,
+    /// Share of the correction that is asked for.
+    pub gain: f64,
+}
+
+/// A machine with a compensation in one place.
+#[derive(Clone, Debug)]
+pub struct Place<const N: usize> {
+    /// The platform.
+    pub pose: Pose,
+    /// Natural frequencies, Hz, lowest first.
+    pub modes_hz: Vec<f64>,
+    /// Margin with the modes as they are.
+    pub margin: Margin,
+    /// Smallest margin with the modes taken for [`WRONG_MODES`] times what they are.
+    pub wrong_modes_margin: Margin,
+    machine: LinearMachine<N>,
+    map: TickMap,
+    filter: Filter,
+}
+
+/// Places of a machine, and those that are not judged.
+#[derive(Clone, Debug)]
+pub struct StabilitySurvey<const N: usize> {
+    /// At home.
+    pub home: Place<N>,
+    /// All places that are judged, home among them.
+    pub places: Vec<Place<N>>,
+    /// Number of places that are reached and too compliant.
+    pub too_compliant: usize,
+}
+
+impl<const N: usize> Place<N> {
+    /// Judges a compensation in one place. `None` where the machine has no modes.
+    #[must_use]
+    pub fn of(
+        machine: &MassiveMachine<N>,
+        pose: &Pose,
+        axes: &[f64; N],
+        compensation: &Compensation<N>,
+    ) -> Option<Self> {
+        let mut machine = LinearMachine::at(machine, pose, axes)?;
+        machine.correction *= compensation.gain;
+        let map = TickMap::of(&machine, &compensation.drives);
+        let gain = LoopGain::of(&machine, &map)?;
+        let designed = |factor: f64| compensation.filter.designed(&machine, &gain, factor);
+        let filter = designed(1.0)?;
+        let [low, high] = WRONG_MODES.map(|factor| gain.margin(&designed(factor)?));
+        let (low, high) = (low?, high?);
+        Some(Self {
+            pose: *pose,
+            modes_hz: machine.modes.hz(),
+            margin: gain.margin(&filter)?,
+            wrong_modes_margin: Margin {
+                phase_per_axis: low.phase_per_axis.min(high.phase_per_axis),
+                ..if low.any_phase < high.any_phase {
+                    low
+                } else {
+                    high
+                }
+            },
+            machine,
+            map,
+            filter,
+        })
+    }
+
+    /// Returns the filter here.
+    #[must_use]
+    pub const fn filter(&self) -> &Filter {
+        &self.filter
+    }
+
+    /// Returns frequency (Hz) and damping ratio of every vibration with the drives, without
+    /// compensation, lowest first. `None` if the eigenvalues are not found.
+    #[must_use]
+    pub fn vibrations(&self) -> Option<Vec<(f64, f64)>> {
+        self.map.vibrations()
+    }
+
+    /// Returns the growth of the closed loop in free air. `None` if the eigenvalues are not found.
+    #[must_use]
+    pub fn growth(&self, latency_cycles: usize) -> Option<Growth> {
+        Loop::new(
+            &self.machine,
+            self.map.clone(),
+            self.filter.clone(),
+            latency_cycles,
+        )
+        .growth()
+    }
+
+    /// Returns the growth of the closed loop with the tool on a workpiece. `None` if the
+    /// eigenvalues are not found.
+    #[must_use]
+    pub fn growth_in_contact(
+        &self,
+        contact: &Contact,
+        compensation: &Compensation<N>,
+    ) -> Option<Growth> {
+        let machine = self.machine.in_contact(contact)?;
+        let map = TickMap::of(&machine, &compensation.drives);
+        let filter = self.filter.clone();
+        Loop::new(&machine, map, filter, compensation.latency_cycles).growth()
+    }
+}
+
+impl<const N: usize> StabilitySurvey<N> {
+    /// Judges a compensation over the travel of a machine, every 0.1 m; along guideways that are
+    /// all parallel nothing changes. A machine of six axes is turned at home as well. `each` is
+    /// called after each of [`candidates`](Self::candidates). `None` where home has no modes.
+    #[must_use]
+    pub fn of<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        machine: &MassiveMachine<N>,
+        compensation: &Compensation<N>,
+        mut each: impl FnMut(),
+    ) -> Option<Self> {
+        let home_pose = RigidPose::at(robot.home_m());
+        let home_axes = robot.model.axes_for(&home_pose).ok()?;
+        let at_home = elastic_pose(&home_pose);
+        let home = Place::of(machine, &at_home, &home_axes, compensation)?;
+        let softest = softness(machine, &at_home, &home_axes)?.map(|home| MAX_COMPLIANT * home);
+        let mut places = Vec::new();
+        let mut too_compliant = 0;
+        for pose in poses(robot) {
+            each();
+            let Ok(axes) = robot.model.axes_for(&pose) else {
+                continue;
+            };
+            let pose = elastic_pose(&pose);
+            match softness(machine, &pose, &axes) {
+                Some(soft) if soft[0] <= softest[0] && soft[1] <= softest[1] => {
+                    places.extend(Place::of(machine, &pose, &axes, compensation));
+                }
+                _ => too_compliant += 1,
+            }
+        }
+        Some(Self {
+            home,
+            places,
+            too_compliant,
+        })
+    }
+
+    /// Number of poses that are asked for, reached or not.
+    #[must_use]
+    pub fn candidates<K: MachineKind<N>>(robot: &RobotFile<K, N>) -> u64 {
+        poses(robot).len() as u64
+    }
+
+    /// Returns the place with the smallest margin, by the modes as they are or as they are taken
+    /// for.
+    #[must_use]
+    pub fn worst(&self, margin: impl Fn(&Place<N>) -> f64) -> &Place<N> {
+        let all = self.places.iter();
+        all.min_by(|one, other| margin(one).total_cmp(&margin(other)))
+            .unwrap_or(&self.home)
+    }
+
+    /// Returns lowest and highest of each of the first five modes over all places, Hz.
+    #[must_use]
+    pub fn modes_range_hz(&self) -> Vec<[f64; 2]> {
+        (0..5)
+            .map(|mode| {
+                let all = self.places.iter().chain([&self.home]);
+                let frequencies = all.filter_map(|place| place.modes_hz.get(mode));
+                frequencies.fold([f64::INFINITY, 0.0], |[low, high], hz| {
+                    [hz.min(low), hz.max(high)]
+                })
+            })
+            .collect()
+    }
+}
+
+/// Poses that are asked for: those of the grid; of a machine that turns, home turned about each
+/// axis of the world either way as well.
+fn poses<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Vec<RigidPose> {
+    let mut grid = Grid::with_pitch(robot, PITCH_M);
+    for direction in 0..3 {
+        let along = Vector3::ith(direction, 1.0);
+        let guideways = robot.model.geometry().guideways;
+        if (guideways.iter()).all(|guideway| guideway.cross(&along).norm() < 1e-9) {
+            (grid.below[direction], grid.above[direction]) = (0, 0);
+        }
+    }
+    let mut poses: Vec<_> = (grid.places())
+        .map(|steps| RigidPose::at(grid.at(steps)))
+        .collect();
+    if N > ARMS {
+        poses.extend((0..6).map(|turn| {
+            let angle = if turn < 3 { TURN_RAD } else { -TURN_RAD };
+            RigidPose {
+                position_m: robot.home_m(),
+                rotation: Rotation3::new(Vector3::ith(turn % 3, angle)).into_inner(),
+            }
+        }));
+    }
+    poses
+}
+
+fn elastic_pose(pose: &RigidPose) -> Pose {
+    Pose {
+        translation_m: pose.position_m,
+        rotation: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(
+            pose.rotation,
+        )),
+    }
+}
+
+/// Returns the largest displacement of the tool per force, m/N, and the largest turn of the
+/// platform per moment, rad/(N m), over all directions.
+fn softness<const N: usize>(
+    machine: &MassiveMachine<N>,
+    pose: &Pose,
+    axes: &[f64; N],
+) -> Option<[f64; 2]> {
+    let compliance = machine.compliance(pose, axes)?;
+    Some([0, 3].map(|row| {
+        let part = compliance.fixed_view::<3, 3>(row, row).into_owned();
+        part.symmetric_eigenvalues().max()
+    }))
+}
