@@ -7,9 +7,8 @@ use std::path::Path;
 use gantry_tau_proofs::harness::{HARNESSES, Harness};
 
 use crate::manifest::Manifest;
-use crate::prove;
-use crate::results::{Results, Standing};
-use crate::sources::{self, Sources};
+use crate::results::{Results, Standing, Standings};
+use crate::sources;
 use crate::{composition, files, flags, mutate, page, read, verdict};
 
 /// Every harness of the source.
@@ -23,7 +22,12 @@ pub(crate) fn harness(name: &str) -> Option<&'static Harness> {
 }
 
 /// Everything that disagrees.
-pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
+pub(crate) fn check(
+    root: &Path,
+    manifest: &Manifest,
+    results: &Results,
+    standings: &Standings<'_>,
+) -> Result<Vec<String>, String> {
     let mut wrong = rows_make_sense(manifest);
     wrong.extend(harnesses_agree(manifest));
     wrong.extend(mutants_apply(root, manifest));
@@ -42,7 +46,6 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
         &read(&root.join("proofs/composition.md"))?,
         manifest,
     ));
-    let results = Results::load(root)?;
     let unknown = results.unknown(manifest);
     wrong.extend(
         unknown
@@ -50,8 +53,8 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
             .map(|name| format!("proofs/results.json: {name} is not in the manifest; run `table`")),
     );
     let page = page::load(root)?;
-    let cells = page::cells(manifest, &results, &Sources::read(root)?);
-    if page::text(manifest, &page::shown(&page, manifest, &results, cells)) != page {
+    let cells = page::cells(standings);
+    if page::text(manifest, &page::shown(&page, manifest, results, cells)) != page {
         wrong.push(format!(
             "{}: differs from manifest, mutants and results; run `table`",
             page::PATH
@@ -61,25 +64,26 @@ pub(crate) fn check(root: &Path, manifest: &Manifest) -> Result<Vec<String>, Str
 }
 
 /// Everything that has no result on this source: rows by their names, and texts that claim more.
-pub(crate) fn unproved(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
-    let results = Results::load(root)?;
-    let sources = Sources::read(root)?;
-    let jobs = prove::jobs(manifest);
-    let mut said: Vec<String> = jobs
+pub(crate) fn unproved(
+    root: &Path,
+    manifest: &Manifest,
+    standings: &Standings<'_>,
+) -> Result<Vec<String>, String> {
+    let mut said: Vec<String> = standings
         .iter()
-        .filter_map(|job| results.standing(&sources, *job).complaint(job.name()))
+        .filter_map(|(job, standing)| standing.complaint(job.name()))
         .collect();
-    if page::text(manifest, &page::cells(manifest, &results, &sources)) != page::load(root)? {
+    if page::text(manifest, &page::cells(standings)) != page::load(root)? {
         said.push(format!(
             "{}: shows results of other sources; run `table`",
             page::PATH
         ));
     }
-    let open = jobs.iter().filter(|job| {
-        job.mutant.is_none() && !matches!(results.standing(&sources, **job), Standing::Current(_))
+    let open = standings.iter().filter(|(job, standing)| {
+        job.mutant.is_none() && !matches!(standing, Standing::Current(_))
     });
     let open: BTreeSet<&str> = open
-        .flat_map(|job| job.row.theorems.iter().map(String::as_str))
+        .flat_map(|(job, _)| job.row.theorems.iter().map(String::as_str))
         .collect();
     let mut pages = if root.join("docs").is_dir() {
         files(&root.join("docs"))?
@@ -103,13 +107,11 @@ pub(crate) fn unproved(root: &Path, manifest: &Manifest) -> Result<Vec<String>, 
 
 /// Checks of verified harnesses that no caught mutant makes fail: a proof of them may be of
 /// nothing.
-pub(crate) fn untried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
-    let results = Results::load(root)?;
-    let sources = Sources::read(root)?;
+pub(crate) fn untried(standings: &Standings<'_>) -> Vec<String> {
     let mut fell = BTreeSet::new();
     let mut stated = BTreeSet::new();
-    for job in prove::jobs(manifest) {
-        let Standing::Current(entry) = results.standing(&sources, job) else {
+    for (job, standing) in standings {
+        let Standing::Current(entry) = standing else {
             continue;
         };
         match job.mutant {
@@ -128,10 +130,9 @@ pub(crate) fn untried(root: &Path, manifest: &Manifest) -> Result<Vec<String>, S
         .filter(|(text, _)| !fell.contains(text))
         .collect::<Vec<_>>();
     open.dedup_by(|next, one| next.0 == one.0);
-    Ok(open
-        .into_iter()
+    open.into_iter()
         .map(|(text, name)| format!("UNTRIED: \"{text}\" of {name}: no mutant makes it fail"))
-        .collect())
+        .collect()
 }
 
 /// Rows of tables, items of lists and paragraphs that say "proved" of a theorem without results.

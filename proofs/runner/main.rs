@@ -26,7 +26,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::manifest::{Manifest, Tier};
-use crate::results::Results;
+use crate::results::{Results, Standings};
 use crate::sources::Sources;
 
 /// The proofs of gantry-tau-core.
@@ -131,12 +131,15 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     let manifest = Manifest::load(&root)?;
     match arguments.command {
         Command::List => {
-            let cells = page::cells(&manifest, &Results::load(&root)?, &Sources::read(&root)?);
+            let (results, sources) = (Results::load(&root)?, Sources::read(&root)?);
+            let cells = page::cells(&results.standings(&manifest, &sources));
             report::list(&manifest, &cells);
         }
         Command::Check { strict, compile } => {
-            files_agree(&root, &manifest)?;
-            results_exist(&root, &manifest, strict)?;
+            let (results, sources) = (Results::load(&root)?, Sources::read(&root)?);
+            let standings = results.standings(&manifest, &sources);
+            files_agree(&root, &manifest, &results, &standings)?;
+            results_exist(&root, &manifest, &standings, strict)?;
             if compile {
                 mutate::compile(&root, &manifest.mutants)?;
                 println!("check: core and C interface compile with every mutant");
@@ -152,16 +155,23 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             // A run that comes to no result must not look like an earlier one; most often there is
             // none.
             let _ = std::fs::remove_file(options.out(&root).join("results.md"));
-            files_agree(&root, &manifest)?;
-            prove::prove(&root, &manifest, &options)?;
+            let (results, sources) = (Results::load(&root)?, Sources::read(&root)?);
+            let standings = results.standings(&manifest, &sources);
+            files_agree(&root, &manifest, &results, &standings)?;
+            prove::prove(&root, &manifest, &options, results, sources)?;
         }
     }
     Ok(())
 }
 
 /// Fails with every disagreement.
-fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
-    let disagreements = check::check(root, manifest)?;
+fn files_agree(
+    root: &Path,
+    manifest: &Manifest,
+    results: &Results,
+    standings: &Standings<'_>,
+) -> Result<(), Failure> {
+    let disagreements = check::check(root, manifest, results, standings)?;
     if !disagreements.is_empty() {
         let message = format!("check:\n  {}", disagreements.join("\n  "));
         return Err(Failure(exit::FILES_DISAGREE, message));
@@ -175,10 +185,15 @@ fn files_agree(root: &Path, manifest: &Manifest) -> Result<(), Failure> {
 }
 
 /// Names everything without a result on this source; fails for it if that is strict.
-fn results_exist(root: &Path, manifest: &Manifest, strict: bool) -> Result<(), Failure> {
-    let unproved = check::unproved(root, manifest)?;
+fn results_exist(
+    root: &Path,
+    manifest: &Manifest,
+    standings: &Standings<'_>,
+    strict: bool,
+) -> Result<(), Failure> {
+    let unproved = check::unproved(root, manifest, standings)?;
     unproved.iter().for_each(|line| println!("{line}"));
-    check::untried(root, manifest)?
+    check::untried(standings)
         .iter()
         .for_each(|line| println!("{line}"));
     if strict && !unproved.is_empty() {

@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::manifest::{Manifest, Mutant, Row, Theorem};
 use crate::prove::{self, Job};
 use crate::report::{header, line, solver};
-use crate::results::{Results, Standing, Verdict};
+use crate::results::{Results, Standing, Standings, Verdict};
 use crate::sources::Sources;
 use crate::{at, read};
 
@@ -56,19 +56,18 @@ impl Cell {
     }
 }
 
-/// Cells that the results justify on these sources.
-pub(crate) fn cells(manifest: &Manifest, results: &Results, sources: &Sources) -> Cells {
-    let jobs = prove::jobs(manifest).into_iter();
-    jobs.map(|job| {
-        let cell = match results.standing(sources, job) {
+/// Cells that these standings justify.
+pub(crate) fn cells(standings: &Standings<'_>) -> Cells {
+    let cells = standings.iter().map(|(job, standing)| {
+        let cell = match standing {
             Standing::Current(entry) => Cell::Current(entry.seconds),
             Standing::Failed(_) => Cell::Failed,
             Standing::Stale => Cell::Stale,
             Standing::NotRun => Cell::NotRun,
         };
         (job.name().to_owned(), cell)
-    })
-    .collect()
+    });
+    cells.collect()
 }
 
 /// Cells that the page shows, where the results of any sources justify them; otherwise those that a
@@ -135,7 +134,8 @@ pub(crate) fn write(
     sources: &Sources,
 ) -> Result<(), String> {
     let path = root.join(PATH);
-    std::fs::write(&path, text(manifest, &cells(manifest, results, sources))).map_err(at(&path))
+    let cells = cells(&results.standings(manifest, sources));
+    std::fs::write(&path, text(manifest, &cells)).map_err(at(&path))
 }
 
 /// Text of the page.

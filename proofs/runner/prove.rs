@@ -81,14 +81,18 @@ fn choose<'a>(
     Ok(jobs)
 }
 
-/// Gives every chosen job to Kani.
-pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result<(), Failure> {
+/// Gives every chosen job to Kani. `results` and `sources` are those of the repository.
+pub(crate) fn prove(
+    root: &Path,
+    manifest: &Manifest,
+    options: &Prove,
+    mut results: Results,
+    mut sources: Sources,
+) -> Result<(), Failure> {
     let foreign = flags::in_environment();
     if !foreign.is_empty() {
         return Err(Failure(exit::USAGE, foreign.join("\n  ")));
     }
-    let mut results = Results::load(root)?;
-    let sources = Sources::read(root)?;
     results.prune(manifest);
     let jobs = choose(manifest, options, |job| {
         matches!(results.standing(&sources, job), Standing::Current(_))
@@ -116,13 +120,23 @@ pub(crate) fn prove(root: &Path, manifest: &Manifest, options: &Prove) -> Result
     let mut outcomes = Vec::new();
     for (index, &job) in (1..).zip(&jobs) {
         let title = format!("[{index}/{}] {} ... ", jobs.len(), job.name());
-        let (outcome, entry) = run(root, &kani, job, &title, options.seconds, &version)?;
+        sources.refresh(root)?;
+        let (outcome, entry) = run(
+            root,
+            &sources,
+            &kani,
+            job,
+            &title,
+            options.seconds,
+            &version,
+        )?;
         // At once: an interrupt loses no result.
         results.merge(entry);
         results.save(root, pinned)?;
         outcomes.push(outcome);
     }
-    page::write(root, manifest, &results, &Sources::read(root)?)?;
+    sources.refresh(root)?;
+    page::write(root, manifest, &results, &sources)?;
     println!("results: {} and {}", results::PATH, page::PATH);
     let report = Report {
         kani: &version,
@@ -150,9 +164,10 @@ fn missing(pinned: &str, reason: &str) -> Failure {
     Failure(exit::KANI_MISSING, message)
 }
 
-/// Runs one job. Its result is of the sources before the run, unless they changed meanwhile.
+/// Runs one job on these sources. Its result is of them, unless they changed meanwhile.
 fn run<'a>(
     root: &Path,
+    before: &Sources,
     kani: &Kani,
     job: Job<'a>,
     title: &str,
@@ -163,7 +178,6 @@ fn run<'a>(
     show(title);
     let limit = seconds.unwrap_or(job.tier().seconds());
     let began = Instant::now();
-    let before = Sources::read(root)?;
     let proofs = sources(root, kani, job.mutant)?;
     let (end, log) = kani
         .run(job, &proofs, Duration::from_secs_f64(limit), |phase| {
@@ -178,10 +192,9 @@ fn run<'a>(
     let bytes = std::fs::read(&log).map_err(at(&log))?;
     let output = String::from_utf8_lossy(&bytes);
     let findings = Findings::read(&output);
-    let changed = (!Sources::read(root)?.agree(&before))
-        .then(|| "the sources changed while it ran".to_owned());
+    let changed = (!before.agree(root)?).then(|| "the sources changed while it ran".to_owned());
     let objection = changed.or_else(|| objection(job, end, &findings, limit));
-    let entry = entry(job, &findings, objection.clone(), job.sources(&before));
+    let entry = entry(job, &findings, objection.clone(), job.sources(before));
     let rustc = kani.rustc().unwrap_or(entry.rustc);
     let entry = Entry {
         kani: version.to_owned(),

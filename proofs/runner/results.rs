@@ -71,6 +71,9 @@ pub(crate) enum Standing<'a> {
     NotRun,
 }
 
+/// Standings of all jobs.
+pub(crate) type Standings<'a> = Vec<(Job<'a>, Standing<'a>)>;
+
 impl Standing<'_> {
     /// Sentence about a row without a current result.
     pub(crate) fn complaint(&self, name: &str) -> Option<String> {
@@ -138,8 +141,9 @@ impl Results {
 
     /// Forgets rows that the manifest has no more.
     pub(crate) fn prune(&mut self, manifest: &Manifest) {
+        let jobs = prove::jobs(manifest);
         self.0
-            .retain(|name, _| prove::jobs(manifest).iter().any(|job| job.name() == name));
+            .retain(|name, _| jobs.iter().any(|job| job.name() == name));
     }
 
     /// Writes the file: sorted by name, one row per line.
@@ -170,6 +174,16 @@ impl Results {
             .keys()
             .filter(|name| jobs.iter().all(|job| job.name() != name.as_str()))
             .collect()
+    }
+
+    /// Standings of all jobs on these sources.
+    pub(crate) fn standings<'a>(
+        &'a self,
+        manifest: &'a Manifest,
+        sources: &Sources,
+    ) -> Standings<'a> {
+        let jobs = prove::jobs(manifest).into_iter();
+        jobs.map(|job| (job, self.standing(sources, job))).collect()
     }
 
     /// Standing of a job on these sources.

@@ -62,36 +62,40 @@ const WINGS: [Wing; 2] = [
 /// Hashes of every family's sources.
 pub(crate) struct Sources {
     families: BTreeMap<&'static str, Hash>,
-    /// Texts of the files that mutants may change, by their paths from the root.
+    /// Texts of the files that the hashes are made of, by their paths from the root.
     texts: BTreeMap<String, String>,
 }
 
 impl Sources {
     /// Reads a repository.
     pub(crate) fn read(root: &Path) -> Result<Self, String> {
+        Self::of(root, texts(root)?)
+    }
+
+    /// Reads the repository again. Without a change of a file the hashes stay.
+    pub(crate) fn refresh(&mut self, root: &Path) -> Result<(), String> {
+        let texts = texts(root)?;
+        if texts != self.texts {
+            *self = Self::of(root, texts)?;
+        }
+        Ok(())
+    }
+
+    /// True if no verdict on these sources is different on those that the repository has now.
+    pub(crate) fn agree(&self, root: &Path) -> Result<bool, String> {
+        let texts = texts(root)?;
+        Ok(texts == self.texts || Self::of(root, texts)?.families == self.families)
+    }
+
+    /// Sources of a repository with these texts.
+    fn of(root: &Path, texts: BTreeMap<String, String>) -> Result<Self, String> {
         let names = HARNESSES
             .iter()
             .filter_map(|harnesses| Some(harnesses.first()?.family()));
         let mut known = Known::default();
         let families = names.map(|name| Ok((name, family(root, name, &mut known)?)));
         let families = families.collect::<Result<_, String>>()?;
-        let mut texts = BTreeMap::new();
-        for folder in mutate::FOLDERS {
-            for path in files(&root.join(folder))? {
-                let name = path
-                    .strip_prefix(root)
-                    .unwrap_or(&path)
-                    .display()
-                    .to_string();
-                texts.insert(name, read(&path)?);
-            }
-        }
         Ok(Self { families, texts })
-    }
-
-    /// True if no verdict on these sources is different on the others.
-    pub(crate) fn agree(&self, others: &Self) -> bool {
-        self.families == others.families
     }
 
     /// Hash of everything that the verdict of a row depends on, or of a mutant of its harness.
@@ -123,6 +127,28 @@ impl Sources {
             |program| program.text,
         )
     }
+}
+
+/// Manifests and lock that the hashes depend on.
+const MANIFESTS: [&str; 5] = [
+    "Cargo.toml",
+    "Cargo.lock",
+    "core/Cargo.toml",
+    "proofs/Cargo.toml",
+    "proofs/capi/Cargo.toml",
+];
+
+/// Texts of all files that the hashes are made of, by their paths from the root.
+fn texts(root: &Path) -> Result<BTreeMap<String, String>, String> {
+    let mut paths = Vec::from(MANIFESTS.map(|path| root.join(path)));
+    for folder in mutate::FOLDERS.iter().chain(&["proofs/src"]) {
+        paths.extend(files(&root.join(folder))?);
+    }
+    let texts = paths.into_iter().map(|path| {
+        let name = path.strip_prefix(root).unwrap_or(&path);
+        Ok((name.display().to_string(), read(&path)?))
+    });
+    texts.collect()
 }
 
 /// FNV-1a: for accidents, not against attackers.

@@ -17,6 +17,7 @@ mod system;
 #[allow(unreachable_pub, reason = "public on the systems it is for")]
 mod portable;
 
+pub(crate) use system::is_acceptable;
 pub use system::{
     lock_memory, now_ns, sleep_until_ns, wait_any_readable_until_ns, wait_readable_until_ns,
 };
@@ -175,6 +176,18 @@ mod tests {
         use portable as p;
         check(p::now_ns, p::sleep_until_ns, p::wait_readable_until_ns);
         assert!(p::lock_memory().is_err());
+        assert!(p::is_acceptable(&TcpListener::bind("127.0.0.1:0").unwrap()));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_connection_that_waits_is_seen_until_it_is_accepted() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        assert!(!is_acceptable(&listener));
+        let _near = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        assert!(is_acceptable(&listener));
+        let _far = listener.accept().unwrap();
+        assert!(!is_acceptable(&listener));
     }
 
     #[test]

@@ -180,7 +180,9 @@ impl<'t> Reader<'_, 't> {
             if keys.contains(&key) || keys.len() == MAX_ERRORS {
                 // What stands at this key could not be repaired.
                 let known = ValueDeserializer::from(known?.clone());
-                return T::deserialize(known).ok();
+                // With the same wrapper as above: the types' code for another deserializer would
+                // be as long again.
+                return serde_path_to_error::deserialize(known).ok();
             }
             let error = error.into_inner();
             let reason = at_line(error.message(), self.text, byte(&error));

@@ -8,6 +8,7 @@ use socket2::SockRef;
 
 use crate::links::Allowed;
 use crate::links::places::{Holder, gives_way};
+use crate::realtime::is_acceptable;
 
 /// Subscribers served at once.
 pub const MAX_SUBSCRIBERS: usize = 4;
@@ -135,6 +136,9 @@ impl Subscribers {
 
     /// Accepts a connection that may be served.
     fn newcomer(&mut self) -> Option<Subscriber> {
+        if !is_acceptable(&self.listener) {
+            return None;
+        }
         let (stream, peer) = self.listener.accept().ok()?;
         let usable = self.allowed.admits(peer.ip())
             && stream.set_nonblocking(true).is_ok()

@@ -7,6 +7,7 @@ use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Full, Transport}
 use gantry_tau_core::control::session::Connection;
 
 use crate::links::Allowed;
+use crate::realtime::is_acceptable;
 
 /// Bytes taken from one connection at a time.
 const CHUNK: usize = 4_096;
@@ -49,6 +50,9 @@ impl Streams {
     /// closed, so that those that stay are idle.
     pub(super) fn accept<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) {
         for _ in 0..ACCEPTS {
+            if !is_acceptable(&self.listener) {
+                return;
+            }
             let Ok((mut stream, peer)) = self.listener.accept() else {
                 return;
             };
