@@ -262,6 +262,7 @@ macro_rules! pages {
 
 pages! {
     cli: "docs/cli.md";
+    dynamics: "docs/dynamics.md";
     identification: "docs/identification.md";
     python: "host/python/README.md";
     readme: "README.md";

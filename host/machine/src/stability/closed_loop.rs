@@ -12,6 +12,8 @@ use super::{CYCLE_S, Filter, LinearMachine, LoopGain, Margin, TickMap, eigenvalu
 pub struct Loop {
     /// The machine with its drives.
     map: TickMap,
+    /// `P`, N x 6.
+    correction: DMatrix<f64>,
     /// Offsets by the state, `P H`, N x S.
     offsets: DMatrix<f64>,
     filter: Filter,
@@ -39,6 +41,7 @@ impl Loop {
         latency_cycles: usize,
     ) -> Self {
         Self {
+            correction: machine.correction.clone(),
             offsets: &machine.correction * &map.reading,
             map,
             filter,
@@ -66,7 +69,7 @@ impl Loop {
     /// Returns the margin against any phase in free air. `None` if the eigenvalues are not found.
     #[must_use]
     pub fn margin(&self) -> Option<Margin> {
-        LoopGain::with(&self.map, self.offsets.clone())?.margin(&self.filter)
+        LoopGain::with(&self.map, &self.correction)?.margin(&self.filter)
     }
 
     /// Matrix of the closed loop over a cycle, column by column.

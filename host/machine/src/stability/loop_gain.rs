@@ -54,6 +54,8 @@ pub struct LoopGain {
     previous: DMatrix<f64>,
     current: DMatrix<f64>,
     offsets: DMatrix<f64>,
+    /// `P` times the direct part of the reading, N x N.
+    direct: DMatrix<f64>,
     /// Ascending.
     curve: Vec<Radii>,
 }
@@ -62,11 +64,12 @@ impl LoopGain {
     /// Gain of a machine's correction. `None` if eigenvalues are not found.
     #[must_use]
     pub fn of<const N: usize>(machine: &LinearMachine<N>, map: &TickMap) -> Option<Self> {
-        Self::with(map, &machine.correction * &map.reading)
+        Self::with(map, &machine.correction)
     }
 
-    /// Gain of a map whose state asks for these offsets, N x S.
-    pub(super) fn with(map: &TickMap, mut offsets: DMatrix<f64>) -> Option<Self> {
+    /// Gain of a map and a correction `P`, N x 6.
+    pub(super) fn with(map: &TickMap, correction: &DMatrix<f64>) -> Option<Self> {
+        let mut offsets = correction * &map.reading;
         let mut balanced = map.state.clone();
         let scale = balance_parlett_reinsch(&mut balanced);
         let (basis, hessenberg) = Hessenberg::new(balanced).unpack();
@@ -84,6 +87,7 @@ impl LoopGain {
             previous: into(&map.previous),
             current: into(&map.current),
             offsets: offsets * &basis,
+            direct: correction * &map.direct,
             hessenberg,
             curve: Vec::new(),
         };
@@ -129,7 +133,8 @@ impl LoopGain {
         })
     }
 
-    /// Returns `P H (e^jw - A)^-1 (B_2 + B_1 e^-jw)`, N x N.
+    /// Returns `P H (e^jw - A)^-1 (B_2 + B_1 e^-jw)`, N x N, with the drives that take a reference
+    /// at once a cycle earlier than in the state.
     fn at(&self, hz: f64) -> DMatrix<Complex<f64>> {
         let (sin, cos) = (TAU * hz * CYCLE_S).sin_cos();
         let z = Complex::new(cos, sin);
@@ -137,7 +142,9 @@ impl LoopGain {
         let pushed = self.current.zip_map(&self.previous, |current, previous| {
             back * previous + current
         });
-        self.offsets.map(Complex::from) * solve_shifted(&self.hessenberg, z, pushed)
+        let states = solve_shifted(&self.hessenberg, z, pushed);
+        let earlier = Complex::from(1.0) - back;
+        self.offsets.map(Complex::from) * states + self.direct.map(|entry| earlier * entry)
     }
 }
 

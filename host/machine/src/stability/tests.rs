@@ -351,3 +351,36 @@ fn a_stiff_position_loop_undamps_an_f1() {
         assert!((least - expected).abs() < 0.02e-2, "{gain}: {least}");
     }
 }
+
+/// Margins of `tests/data/dynamics.json` at home with ideal drives, to a thousandth where the peak is
+/// at a mode.
+#[test]
+fn ideal_drives_have_the_margins_of_the_vectors() {
+    let text = include_str!("../../../../tests/data/dynamics.json");
+    let vectors: serde_json::Value = serde_json::from_str(text).unwrap();
+    let robot = RobotFile::builtin_f1().unwrap();
+    let mut judged = 0;
+    for case in vectors["robots"]["f1"]["stability"].as_array().unwrap() {
+        if case["pose"] != "home" || case["drives"] != "ideal" {
+            continue;
+        }
+        let (machine, _) = at_home(&robot, case["tool_kg"].as_f64().unwrap());
+        let modes = machine.modes.hz();
+        let filter = match case["filter"].as_str().unwrap() {
+            "first_order_20" => Filter::first_order(20.0),
+            "butterworth2_4" => Filter::butterworth(4.0),
+            _ => Filter::butterworth(6.0)
+                .with_notch(modes[0], 0.7)
+                .with_notch(modes[2], 0.7),
+        };
+        let map = TickMap::of(&machine, &DriveKind::Ideal);
+        let found = Loop::new(&machine, map, filter, 3)
+            .margin()
+            .unwrap()
+            .any_phase;
+        let expected = case["any_phase_margin"].as_f64().unwrap();
+        assert!((found / expected - 1.0).abs() < 2e-3, "{found} of {case}");
+        judged += 1;
+    }
+    assert_eq!(judged, 6);
+}

@@ -43,6 +43,9 @@ pub struct TickMap {
     pub current: DMatrix<f64>,
     /// `H`: load that the sensor finds, 6 x S.
     pub reading: DMatrix<f64>,
+    /// Part of `H` by drives that take a reference at once, 6 x N: in a response to a frequency they
+    /// are where the coming cycle puts them. Zero with a cascade.
+    pub direct: DMatrix<f64>,
 }
 
 /// A linear map of state and references: rows by `[z, r_previous, r_current]`.
@@ -161,6 +164,7 @@ impl TickMap {
             previous: whole.columns(states, axes).into_owned(),
             current: whole.columns(states + axes, axes).into_owned(),
             reading: reading.columns(0, states).into_owned(),
+            direct: DMatrix::zeros(6, axes),
         }
     }
 }
@@ -191,7 +195,11 @@ fn ideal<const N: usize>(machine: &LinearMachine<N>) -> TickMap {
         drives: rows.part(2 * half, N),
         drive_rates: rows.zeros(N),
     };
-    TickMap::composed(&rows, step, at_end.reading(machine))
+    let map = TickMap::composed(&rows, step, at_end.reading(machine));
+    TickMap {
+        direct: map.reading.columns(2 * half, N).into_owned(),
+        ..map
+    }
 }
 
 /// A machine with the cascade of the simulated drives. State: places, rates, drives (q-units) and
