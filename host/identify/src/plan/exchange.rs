@@ -48,9 +48,8 @@ pub(super) struct Candidate {
 #[derive(Debug)]
 pub(super) struct Search<'a> {
     candidates: &'a [Candidate],
-    /// All their rows as columns, and the first column of each.
-    stack: DMatrix<f64>,
-    first: Vec<usize>,
+    /// `A^T` of each.
+    columns: Vec<DMatrix<f64>>,
     /// `M`: mean of `G^T G`, `G` the derivative of what is asked for.
     goal: &'a DMatrix<f64>,
     criterion: Criterion,
@@ -60,9 +59,10 @@ pub(super) struct Search<'a> {
 
 /// A plan without one entry.
 struct PartialPlan {
-    /// `C`, and `C M C`, times the rows of all candidates as columns.
-    by_covariance: DMatrix<f64>,
-    by_spread: DMatrix<f64>,
+    /// `C`.
+    covariance: DMatrix<f64>,
+    /// `C M C`.
+    spread: DMatrix<f64>,
     /// `trace(C M)`, or `-log det C^-1`.
     cost: f64,
 }
@@ -76,24 +76,13 @@ impl<'a> Search<'a> {
         count: usize,
         max_places: usize,
     ) -> Self {
-        let size = candidates
+        let columns = candidates
             .iter()
-            .map(|candidate| candidate.rows.nrows())
-            .sum();
-        let mut stack = DMatrix::zeros(goal.ncols(), size);
-        let mut first = Vec::with_capacity(candidates.len());
-        let mut next = 0;
-        for candidate in candidates {
-            stack
-                .columns_mut(next, candidate.rows.nrows())
-                .copy_from(&candidate.rows.transpose());
-            first.push(next);
-            next += candidate.rows.nrows();
-        }
+            .map(|candidate| candidate.rows.transpose())
+            .collect();
         Self {
             candidates,
-            stack,
-            first,
+            columns,
             goal,
             criterion,
             count,
@@ -201,41 +190,37 @@ impl<'a> Search<'a> {
     fn partial(&self, chosen: &[usize]) -> Option<PartialPlan> {
         let factor = self.information(chosen.iter().copied())?;
         let covariance = factor.inverse();
-        let spread = &covariance * self.goal * &covariance;
         Some(PartialPlan {
-            // Both are symmetric.
-            by_covariance: covariance.tr_mul(&self.stack),
-            by_spread: spread.tr_mul(&self.stack),
+            spread: &covariance * self.goal * &covariance,
             cost: match self.criterion {
                 Criterion::I => (&covariance * self.goal).trace(),
                 Criterion::D => -factor.ln_determinant(),
             },
+            covariance,
         })
     }
 
     /// Logarithm of the cost of a plan with one more candidate.
     fn cost_with(&self, partial: &PartialPlan, index: usize) -> f64 {
         let count = self.candidates[index].rows.nrows();
-        let mut sum = self.block(&partial.by_covariance, index);
+        let mut sum = self.block(&partial.covariance, index);
         sum += DMatrix::<f64>::identity(count, count);
         let Some(sum) = sum.cholesky() else {
             return f64::INFINITY;
         };
         match self.criterion {
             Criterion::I => {
-                let block = self.block(&partial.by_spread, index);
+                let block = self.block(&partial.spread, index);
                 (partial.cost - sum.solve(&block).trace()).ln()
             }
             Criterion::D => partial.cost - sum.ln_determinant(),
         }
     }
 
-    /// `A X A^T` of a candidate, of `X` times all rows as columns.
+    /// `A X A^T` of a candidate.
     fn block(&self, of: &DMatrix<f64>, index: usize) -> DMatrix<f64> {
-        let (first, count) = (self.first[index], self.candidates[index].rows.nrows());
-        self.stack
-            .columns(first, count)
-            .tr_mul(&of.columns(first, count))
+        let rows = &self.columns[index];
+        rows.tr_mul(&(of * rows))
     }
 
     /// Takes all entries at a pose to another pose, where that is better.
