@@ -5,7 +5,7 @@
 //! direction whose standard deviation is above its scale is *lost*: no step has a component along
 //! it ([`HeldDirections`]), so that the start's value stays. Nothing else is regularised.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{ColPivQR, DMatrix, DVector, Dyn};
 
 use super::held_directions::HeldDirections;
 use super::statistics::float;
@@ -515,35 +515,74 @@ pub(super) fn with_columns_scaled(matrix: &DMatrix<f64>, scales: &DVector<f64>) 
 /// Returns `rows` without what the columns of `unknowns` explain: an orthogonal complement, in as
 /// many rows less as the columns are independent.
 #[must_use]
-pub fn eliminated(unknowns: DMatrix<f64>, mut rows: DMatrix<f64>) -> DMatrix<f64> {
-    if unknowns.is_empty() {
-        return rows;
-    }
-    let factors = unknowns.col_piv_qr();
-    factors.q_tr_mul(&mut rows);
-    rows.remove_rows(0, rank(&factors.r()))
+pub fn eliminated(unknowns: DMatrix<f64>, rows: DMatrix<f64>) -> DMatrix<f64> {
+    Factors::new(unknowns).eliminated(rows)
 }
 
 /// Returns a least squares solution of linear equations, zero in unknowns that the others can stand
 /// for, and the number of independent ones.
 #[must_use]
-pub fn solve(rows: DMatrix<f64>, mut right: DVector<f64>) -> (DVector<f64>, usize) {
-    let mut solution = DVector::zeros(rows.ncols());
-    if rows.is_empty() {
-        return (solution, 0);
+pub fn solve(rows: DMatrix<f64>, right: DVector<f64>) -> (DVector<f64>, usize) {
+    Factors::new(rows).solve(right)
+}
+
+/// Orthogonal and triangular factors of columns, for [`eliminated`] and [`solve`].
+pub(crate) struct Factors {
+    columns: usize,
+    /// `None` of an empty matrix.
+    pivoted: Option<PivotedFactors>,
+}
+
+struct PivotedFactors {
+    factors: ColPivQR<f64, Dyn, Dyn>,
+    triangle: DMatrix<f64>,
+    /// Number of independent columns.
+    rank: usize,
+}
+
+impl Factors {
+    pub(crate) fn new(columns: DMatrix<f64>) -> Self {
+        Self {
+            columns: columns.ncols(),
+            pivoted: (!columns.is_empty()).then(|| {
+                let factors = columns.col_piv_qr();
+                let triangle = factors.r();
+                PivotedFactors {
+                    rank: rank(&triangle),
+                    factors,
+                    triangle,
+                }
+            }),
+        }
     }
-    let factors = rows.col_piv_qr();
-    factors.q_tr_mul(&mut right);
-    let triangle = factors.r();
-    let rank = rank(&triangle);
-    let top = triangle
-        .view((0, 0), (rank, rank))
-        .solve_upper_triangular(&right.rows(0, rank));
-    if let Some(top) = top {
-        solution.rows_mut(0, rank).copy_from(&top);
+
+    /// As [`eliminated`].
+    pub(crate) fn eliminated(&self, mut rows: DMatrix<f64>) -> DMatrix<f64> {
+        let Some(pivoted) = &self.pivoted else {
+            return rows;
+        };
+        pivoted.factors.q_tr_mul(&mut rows);
+        rows.remove_rows(0, pivoted.rank)
     }
-    factors.p().inv_permute_rows(&mut solution);
-    (solution, rank)
+
+    /// As [`solve`].
+    pub(crate) fn solve(&self, mut right: DVector<f64>) -> (DVector<f64>, usize) {
+        let mut solution = DVector::zeros(self.columns);
+        let Some(pivoted) = &self.pivoted else {
+            return (solution, 0);
+        };
+        let rank = pivoted.rank;
+        pivoted.factors.q_tr_mul(&mut right);
+        let top = pivoted
+            .triangle
+            .view((0, 0), (rank, rank))
+            .solve_upper_triangular(&right.rows(0, rank));
+        if let Some(top) = top {
+            solution.rows_mut(0, rank).copy_from(&top);
+        }
+        pivoted.factors.p().inv_permute_rows(&mut solution);
+        (solution, rank)
+    }
 }
 
 /// Returns the least squares solution of linear equations; `None` where it is not unique.

@@ -221,8 +221,8 @@ impl<const N: usize> SpringInformation<N> {
                 .copy_from(&derivatives.load.transpose());
             largest_m = largest_m.max(reading.length_m.abs());
         }
-        let variances = gauges.iter().map(|_| (self.noise.gauge_um * 1e-6).powi(2));
-        let covariance = covariance(&by_load, variances, &self.noise.load_variances());
+        let variances = vec![(self.noise.gauge_um * 1e-6).powi(2); gauges.len()];
+        let covariance = covariance(&by_load, &variances, &self.noise.load_variances());
         let whitening = whitening(covariance).ok_or(ElasticError::NotFinite)?;
         Ok(WindowInformation {
             springs: &whitening * springs,

@@ -7,22 +7,32 @@ use super::active_set::ActiveSet;
 use super::linearize::LinearizedWindow;
 use super::problem::SpringsProblem;
 use super::state::FitState;
-use crate::fit::least_squares::{Rows, eliminated, solve};
+use crate::fit::least_squares::{Factors, Rows};
 
 /// Rows of one level, and the unknowns that are eliminated there.
 struct Elimination {
     unknowns: DMatrix<f64>,
+    /// Factors of `unknowns`.
+    factors: Factors,
     rest: DMatrix<f64>,
 }
 
 impl Elimination {
+    fn new(unknowns: DMatrix<f64>, rest: DMatrix<f64>) -> Self {
+        Self {
+            factors: Factors::new(unknowns.clone()),
+            unknowns,
+            rest,
+        }
+    }
+
     /// Values of the unknowns that fit best what `combination` makes of the other columns.
     fn solve(&self, combination: &DVector<f64>) -> DVector<f64> {
-        solve(self.unknowns.clone(), &self.rest * combination).0
+        self.factors.solve(&self.rest * combination).0
     }
 
     fn eliminated(&self) -> DMatrix<f64> {
-        eliminated(self.unknowns.clone(), self.rest.clone())
+        self.factors.eliminated(self.rest.clone())
     }
 }
 
@@ -36,6 +46,14 @@ struct WhitenedWindow {
     whitening: DMatrix<f64>,
     /// `L^-1 H`.
     load: DMatrix<f64>,
+}
+
+impl WhitenedWindow {
+    /// `L^-1` times columns of the used rows. (Not in [`SeriesBlock::new`], whose callers'
+    /// packages compile it, most with less optimisation than this one.)
+    fn whitened(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.whitening * columns
+    }
 }
 
 /// One series.
@@ -262,10 +280,7 @@ fn split(
         )] = -value;
     }
     let unknown = all.columns(first, unknowns).into_owned();
-    Elimination {
-        unknowns: unknown,
-        rest: all.remove_columns(first, unknowns),
-    }
+    Elimination::new(unknown, all.remove_columns(first, unknowns))
 }
 
 impl SeriesBlock {
@@ -296,10 +311,11 @@ impl SeriesBlock {
                 .filter(|row| weights[linearized.gauges[*row]] > 0.0)
                 .collect();
             let load = linearized.load.select_rows(&used);
-            let variances = used
+            let variances: Vec<f64> = used
                 .iter()
-                .map(|row| linearized.variances[*row] / weights[linearized.gauges[*row]]);
-            let whitening = whitening(covariance(&load, variances, &load_variances))?;
+                .map(|row| linearized.variances[*row] / weights[linearized.gauges[*row]])
+                .collect();
+            let whitening = whitening(covariance(&load, &variances, &load_variances))?;
             height += used.len();
             windows.push(WhitenedWindow {
                 line,
@@ -315,10 +331,8 @@ impl SeriesBlock {
             zeros.push(of_window.collect::<Vec<_>>());
         }
         let width = columns.parameters + columns.mounting + columns.sensor + 1 + columns.extras;
-        let mut level = Elimination {
-            unknowns: DMatrix::zeros(height, zero_count(gauges, active)),
-            rest: DMatrix::zeros(height, width),
-        };
+        let mut all_unknowns = DMatrix::zeros(height, zero_count(gauges, active));
+        let mut all_rest = DMatrix::zeros(height, width);
         let mut first = 0;
         for (window, zeros) in windows.iter().zip(&zeros) {
             let linearized = &linearized[window.line];
@@ -330,26 +344,24 @@ impl SeriesBlock {
                 extras.get(window.line),
             )
             .select_rows(&window.used);
-            let mut unknowns = DMatrix::zeros(window.used.len(), level.unknowns.ncols());
+            let mut unknowns = DMatrix::zeros(window.used.len(), all_unknowns.ncols());
             for (place, row) in window.used.iter().enumerate() {
                 for (column, share) in &zeros[*row] {
                     unknowns[(place, *column)] = *share;
                 }
             }
-            level
-                .rest
+            all_rest
                 .rows_mut(first, window.used.len())
-                .copy_from(&(&window.whitening * rest));
-            level
-                .unknowns
+                .copy_from(&window.whitened(&rest));
+            all_unknowns
                 .rows_mut(first, window.used.len())
-                .copy_from(&(&window.whitening * unknowns));
+                .copy_from(&window.whitened(&unknowns));
             first += window.used.len();
         }
         Some(Self {
             mounting,
             windows,
-            level,
+            level: Elimination::new(all_unknowns, all_rest),
             zeros,
         })
     }
@@ -359,12 +371,12 @@ impl SeriesBlock {
 /// `diag(sigma^2) + H Sigma_w H^T`.
 pub(crate) fn covariance(
     load: &DMatrix<f64>,
-    variances: impl IntoIterator<Item = f64>,
+    variances: &[f64],
     load_variances: &Vector6<f64>,
 ) -> DMatrix<f64> {
     let mut covariance = load * Matrix6::from_diagonal(load_variances) * load.transpose();
-    for (place, variance) in variances.into_iter().enumerate() {
-        covariance[(place, place)] += variance;
+    for (place, variance) in variances.iter().enumerate() {
+        covariance[(place, place)] += *variance;
     }
     covariance
 }

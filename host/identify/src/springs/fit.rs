@@ -310,7 +310,16 @@ impl<const N: usize> LinearizedCampaign<N> {
     ) -> Result<Self, SpringsError> {
         let mut linearized = problem.linearize(&state, &active.is_crossed)?;
         take_off_hysteresis(problem, active, &mut linearized, &state.hysteresis_m);
-        let blocks = Blocks::new(problem, active, &linearized, &state.setup, &[])
+        // Links beyond the jump have lines of their own under large forces only, which their noise
+        // does not matter to. Elsewhere the derivatives at the loads without their noise are
+        // carried along.
+        let without_noise: Vec<DMatrix<f64>> = if active.link_unknowns() > 0 {
+            Vec::new()
+        } else {
+            let windows = linearized.iter();
+            windows.map(|window| window.springs_shown.clone()).collect()
+        };
+        let blocks = Blocks::new(problem, active, &linearized, &state.setup, &without_noise)
             .ok_or(SpringsError::Noise)?;
         let scales = scales(problem, active, &state);
         if blocks.rows.degrees() < scales.len() {
@@ -319,17 +328,11 @@ impl<const N: usize> LinearizedCampaign<N> {
                 parameters: scales.len(),
             });
         }
-        // Links beyond the jump have lines of their own under large forces only, which their noise
-        // does not matter to.
-        let shown = if active.link_unknowns() > 0 {
-            blocks.rows.clone()
-        } else {
-            let shown: Vec<LinearizedWindow> =
-                linearized.iter().map(LinearizedWindow::shown).collect();
-            Blocks::new(problem, active, &shown, &state.setup, &[])
-                .ok_or(SpringsError::Noise)?
-                .rows
-        };
+        let mut shown = blocks.rows.clone();
+        shown
+            .derivatives
+            .columns_mut(0, blocks.extras.ncols())
+            .copy_from(&blocks.extras);
         let seen = Observability::but_held(&shown, &scales, active.held.as_ref());
         Ok(Self {
             state,

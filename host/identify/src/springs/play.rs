@@ -328,7 +328,7 @@ fn tells_its_side<const N: usize>(
 ) -> bool {
     let covariance = covariance(
         &linearized.load,
-        linearized.variances.iter().copied(),
+        &linearized.variances,
         &problem.load_variances(),
     );
     let play = linearized.play() * (0.5 * elongation_m);

@@ -208,8 +208,11 @@ impl<'a, const N: usize> PredictedCampaign<'a, N> {
 
     /// Covariance of the residuals of a window by the noise of gauges and load.
     fn noise(&self, linearized: &LinearizedWindow) -> DMatrix<f64> {
-        let variances = linearized.variances.iter().copied();
-        covariance(&linearized.load, variances, &self.problem.load_variances())
+        covariance(
+            &linearized.load,
+            &linearized.variances,
+            &self.problem.load_variances(),
+        )
     }
 
     /// Mean residuals of some gauges in unloaded windows, and their covariance; `None` if one was
