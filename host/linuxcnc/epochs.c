@@ -90,7 +90,8 @@ static int take_lock(const char *path)
 void epochs_release(void)
 {
     if (lock != ABSENT) {
-        /* Nothing is written: a disk that hangs must not hold up the end. */
+        /* Nothing is written: a disk that hangs must not hold up the end. A child that was forked meanwhile has the file too. */
+        flock(lock, LOCK_UN);
         close(lock);
         lock = ABSENT;
     }

@@ -16,5 +16,9 @@ pub const VELOCITY_INTEGRAL_S: f64 = 4.5e-3;
 pub const CURRENT_SHARE: f64 = 0.323_4;
 /// Viscous friction, N s/m.
 pub const VISCOUS_FRICTION: f64 = 200.0;
+/// Length of a cycle, s.
+pub const CYCLE_S: f64 = 1e-3;
 /// Integration steps per cycle.
 pub const SUBSTEPS: u32 = 16;
+/// Length of an integration step, s.
+pub const SUBSTEP_S: f64 = CYCLE_S / SUBSTEPS as f64;

@@ -41,8 +41,5 @@ pub use loop_gain::{LoopGain, Margin};
 pub use survey::{Compensation, Place, StabilitySurvey};
 pub use tick_map::{DriveKind, TickMap};
 
-/// Length of a cycle, s.
-pub const CYCLE_S: f64 = 1e-3;
-
 #[cfg(test)]
 mod tests;

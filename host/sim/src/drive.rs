@@ -23,7 +23,8 @@ pub mod supervision;
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::position_loop::VelocityReference;
 use gantry_tau_core::units::{TorquePermille, VelocityUmS};
-pub use gantry_tau_machine::drive_cascade::SUBSTEPS;
+use gantry_tau_machine::drive_cascade::SUBSTEP_S;
+pub use gantry_tau_machine::drive_cascade::{CYCLE_S, SUBSTEPS};
 pub use gantry_tau_machine::robot_file::{Interface, MAX_DELAY, RATED_FORCE_N};
 use gantry_tau_server::plant::DriveState;
 
@@ -37,10 +38,6 @@ pub(super) use report::mean;
 pub use report::report;
 use supervision::{Observed, Supervision, Trip};
 
-/// Length of a cycle, s.
-pub const CYCLE_S: f64 = 1e-3;
-/// Length of an integration step, s.
-const SUBSTEP_S: f64 = CYCLE_S / 16.0;
 /// Cycles that are kept for the latency.
 const KEPT: usize = MAX_DELAY as usize + 1;
 /// Way per cycle onto the reference after a reset, m: 10 mm/s.

@@ -6,8 +6,6 @@ use crate::terminal::{Progress, say};
 use clap::{Args, ValueEnum};
 use gantry_tau_machine::drive_cascade::{POSITION_GAIN, VELOCITY_INTEGRAL_S};
 use gantry_tau_machine::dynamics::MassiveMachine;
-use gantry_tau_machine::elastic::ElasticMachine;
-use gantry_tau_machine::elastic::backlash::Backlash;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_machine::stability::survey::{MIN_MARGIN, MIN_MARGIN_PER_AXIS};
@@ -60,8 +58,8 @@ pub(crate) struct Stability {
     #[arg(long, value_name = "CYCLES", value_parser = clap::value_parser!(u8).range(3..=50))]
     latency: Option<u8>,
     /// Filter of the load; the client of this version has the first one
-    #[arg(long, value_name = "KIND", value_enum, default_value_t = Kinds::FirstOrder)]
-    filter: Kinds,
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = FilterOption::FirstOrder)]
+    filter: FilterOption,
     /// Cut-off of the filter, Hz; the default is that of the robot file
     #[arg(long, value_name = "HZ", value_parser = within(0.01, 450.0))]
     cutoff: Option<f64>,
@@ -75,7 +73,7 @@ pub(crate) struct Stability {
 
 /// Kind of filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Kinds {
+enum FilterOption {
     /// Low-pass of first order
     FirstOrder,
     /// Butterworth low-pass of second order
@@ -100,22 +98,19 @@ impl MachineCommand for Stability {
         self,
         robot: RobotFile<K, N>,
     ) -> Outcome {
-        let Some(mut masses) = robot.masses else {
-            return Ok(fail(
-                2,
-                robot.refuse("masses", "is missing; stability in motion needs the masses"),
-            ));
+        robot.compliances_for("stability needs compliances")?;
+        let parts = (
+            MassiveMachine::of(&robot),
+            DriveKind::cascade(&robot, self.position_gain),
+        );
+        let (Some(mut machine), Some(drives)) = parts else {
+            let reason = "is missing; stability in motion needs the masses";
+            return Ok(fail(2, robot.refuse("masses", reason)));
         };
-        if let Some(tool_kg) = self.tool {
-            masses.tool.mass_kg = tool_kg;
-        }
+        let masses = &mut machine.masses;
+        masses.tool.mass_kg = self.tool.unwrap_or(masses.tool.mass_kg);
         masses.damping_ratio = self.damping.unwrap_or(masses.damping_ratio);
-        let springs = *robot.compliances_for("stability needs compliances")?;
-        let machine = MassiveMachine {
-            elastic: ElasticMachine::new(robot.model.geometry(), springs, Backlash::NONE),
-            masses,
-        };
-        let compensation = self.compensation(&robot, &machine)?;
+        let compensation = self.compensation(&robot, drives)?;
         let progress = Progress::new(StabilitySurvey::candidates(&robot), "places");
         let survey = StabilitySurvey::of(&robot, &machine, &compensation, || progress.step());
         drop(progress);
@@ -138,7 +133,7 @@ impl Stability {
     fn compensation<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
-        machine: &MassiveMachine<N>,
+        drives: DriveKind<N>,
     ) -> Result<Compensation<N>, Failure> {
         let cutoff_hz = self.cutoff.unwrap_or(robot.sensor.cutoff_hz);
         if !(0.01..=450.0).contains(&cutoff_hz) {
@@ -146,9 +141,9 @@ impl Stability {
             return Err(robot.refuse("sensor.cutoff_hz", reason).into());
         }
         let filter = match self.filter {
-            Kinds::FirstOrder => FilterKind::FirstOrder { cutoff_hz },
-            Kinds::SecondOrder => FilterKind::SecondOrder { cutoff_hz },
-            Kinds::Auto => FilterKind::Auto {
+            FilterOption::FirstOrder => FilterKind::FirstOrder { cutoff_hz },
+            FilterOption::SecondOrder => FilterKind::SecondOrder { cutoff_hz },
+            FilterOption::Auto => FilterKind::Auto {
                 cutoff_hz,
                 notches: 2,
                 notch_q: 0.7,
@@ -157,25 +152,16 @@ impl Stability {
         let of_drives = robot.drives.as_ref().map_or(1, |drives| {
             1 + usize::from(drives.command_delay_cycles) + usize::from(drives.actual_delay_cycles)
         });
-        let motors = |axis| {
-            let of_axis = robot.motors.axis_of_motor.iter();
-            of_axis.filter(|of| **of == axis).map(|_| 1.0).sum()
-        };
         Ok(Compensation {
             filter,
-            drives: DriveKind::Cascade {
-                position_gain_per_s: self.position_gain,
-                motors: std::array::from_fn(motors),
-                motors_kg: machine.masses.motors_kg,
-                metres_per_q: robot.metres_per_q,
-            },
+            drives,
             latency_cycles: self.latency.map_or(of_drives, usize::from).max(MIN_LATENCY),
             gain: robot.client.gain,
         })
     }
 }
 
-/// What is printed, and why the compensation is refused.
+/// Text, answer for programs, and the reasons to refuse a compensation.
 struct Report {
     text: String,
     json: Value,

@@ -23,10 +23,12 @@ use super::request::{self, field, optional_field};
 const LATENCY_CYCLES: u32 = 3;
 /// Largest number of them.
 const MAX_LATENCY_CYCLES: u32 = 50;
+/// Largest number of notches.
+const MAX_NOTCHES: usize = 6;
 /// Frequencies of filters, Hz.
 const FILTER_HZ: (f64, f64) = (0.01, 450.0);
 
-/// What moves with a machine, and its drives.
+/// Masses of a machine, and its drives.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bodies<const N: usize> {
     masses: Option<Masses<N>>,
@@ -38,14 +40,10 @@ pub(super) struct Bodies<const N: usize> {
 impl<const N: usize> Bodies<N> {
     /// Of a robot file.
     pub(super) fn of<K>(robot: &RobotFile<K, N>) -> Self {
-        let count = |axis| {
-            let motors = robot.motors.axis_of_motor.iter();
-            motors.filter(|of| **of == axis).map(|_| 1.0).sum()
-        };
         Self {
             masses: robot.masses,
             metres_per_q: robot.metres_per_q,
-            motors: std::array::from_fn(count),
+            motors: robot.motors.per_axis(),
         }
     }
 
@@ -293,33 +291,43 @@ fn coordinates<const N: usize>(rates: &[f64]) -> Result<Coordinates<N>, SolveErr
 /// Reads the name of a filter: `first_order_HZ`, `butterworth2_HZ`, or the latter with notches at
 /// modes counted from 1, `butterworth2_HZ_notch_I_J_qQ`.
 fn filter(name: &str, modes_hz: &[f64]) -> Result<Filter, SolveError> {
-    let refused = || {
-        SolveError::request(format!(
-            "filter is {name:?}; expected first_order_HZ, butterworth2_HZ, or butterworth2_HZ_notch_I_J_qQ with the numbers of modes"
-        ))
-    };
-    let frequency = |text: &str| {
-        let hz = text.parse().map_err(|_| refused())?;
-        within("frequency of the filter", hz, FILTER_HZ).map(|()| hz)
-    };
     if let Some(cutoff) = name.strip_prefix("first_order_") {
-        return Ok(Filter::first_order(frequency(cutoff)?));
+        return Ok(Filter::first_order(frequency(name, cutoff)?));
     }
-    let rest = name.strip_prefix("butterworth2_").ok_or_else(refused)?;
+    let rest = name.strip_prefix("butterworth2_");
+    let rest = rest.ok_or_else(|| no_filter(name))?;
     let Some((cutoff, notches)) = rest.split_once("_notch_") else {
-        return Ok(Filter::butterworth(frequency(rest)?));
+        return Ok(Filter::butterworth(frequency(name, rest)?));
     };
-    let (modes, q) = notches.split_once("_q").ok_or_else(refused)?;
-    let q: f64 = q.parse().map_err(|_| refused())?;
+    let (modes, q) = (notches.split_once("_q")).ok_or_else(|| no_filter(name))?;
+    let q: f64 = q.parse().map_err(|_| no_filter(name))?;
     within("q of the notches", q, (0.05, 100.0))?;
-    let low_pass = Filter::butterworth(frequency(cutoff)?);
+    if modes.split('_').count() > MAX_NOTCHES {
+        let reason = format!("filter has more than {MAX_NOTCHES} notches");
+        return Err(SolveError::request(reason));
+    }
+    let low_pass = Filter::butterworth(frequency(name, cutoff)?);
     modes.split('_').try_fold(low_pass, |filter, number| {
-        let number: usize = number.parse().map_err(|_| refused())?;
-        let mode = number.checked_sub(1).and_then(|index| modes_hz.get(index));
-        let hz = *mode.ok_or_else(refused)?;
+        let number: Option<usize> = number.parse().ok();
+        let mode = number
+            .and_then(|number| number.checked_sub(1))
+            .and_then(|index| modes_hz.get(index));
+        let hz = *mode.ok_or_else(|| no_filter(name))?;
         within("frequency of a notch", hz, FILTER_HZ)?;
         Ok(filter.with_notch(hz, q))
     })
+}
+
+/// Reads the cut-off in the name of a filter, Hz.
+fn frequency(name: &str, text: &str) -> Result<f64, SolveError> {
+    let hz = text.parse().map_err(|_| no_filter(name))?;
+    within("frequency of the filter", hz, FILTER_HZ).map(|()| hz)
+}
+
+fn no_filter(name: &str) -> SolveError {
+    SolveError::request(format!(
+        "filter is {name:?}; expected first_order_HZ, butterworth2_HZ, or butterworth2_HZ_notch_I_J_qQ with the numbers of modes"
+    ))
 }
 
 fn within(name: &str, value: f64, (lower, upper): (f64, f64)) -> Result<(), SolveError> {

@@ -238,6 +238,10 @@ mod dynamics {
                 "q of the notches is 0",
             ),
             (
+                ("filter", json!("butterworth2_6_notch_1_1_1_1_1_1_1_q0.7")),
+                "more than 6 notches",
+            ),
+            (
                 with("platform_kg", json!(0.0)),
                 "platform_kg is 0; expected from 0.1",
             ),

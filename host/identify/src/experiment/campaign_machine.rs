@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::units::{Metres, PositionNm};
+use gantry_tau_machine::drive_cascade::CYCLE_S;
 use gantry_tau_machine::elastic::Pose;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError, Simulation};
@@ -38,8 +39,6 @@ const HOLD_CYCLES: u32 = 12_000;
 const PULL_N: f64 = 0.1;
 /// Speed (m/s) and acceleration (m/s^2) on the way to a pose.
 const SPEED: (f64, f64) = (0.05, 0.5);
-/// Time of a cycle, s.
-const CYCLE_S: f64 = 1e-3;
 
 /// Reports sessions to the machine, from another thread. They are counted: one that ends and the
 /// next may be seen at once.

@@ -146,15 +146,10 @@ impl<const N: usize> CoordinateMatrix<N> {
     /// Adds `factor (J_a^T J_b + J_b^T J_a) / 2` of two points.
     pub fn add_product(&mut self, factor: f64, a: &PointJacobian<N>, b: &PointJacobian<N>) {
         let half = 0.5 * factor;
-        let of = |one: &PointJacobian<N>, other: &PointJacobian<N>| Self {
-            platform: one.platform.transpose() * other.platform * half,
-            cross: one.platform.transpose() * other.axes * half,
-            axes: one.axes.transpose() * other.axes * half,
-        };
-        for part in [of(a, b), of(b, a)] {
-            self.platform += part.platform;
-            self.cross += part.cross;
-            self.axes += part.axes;
+        for (one, other) in [(a, b), (b, a)] {
+            self.platform += one.platform.transpose() * other.platform * half;
+            self.cross += one.platform.transpose() * other.axes * half;
+            self.axes += one.axes.transpose() * other.axes * half;
         }
     }
 

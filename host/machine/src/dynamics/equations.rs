@@ -4,9 +4,12 @@ use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 use super::coordinates::{CoordinateMatrix, Coordinates, PointJacobian};
+use crate::elastic::backlash::Backlash;
 use crate::elastic::joints::{Joint, centripetal_m_per_s2};
 use crate::elastic::{ElasticMachine, Pose};
-use crate::masses::{GRAVITY_M_PER_S2, Masses, PLATES, RigidBody};
+use crate::masses::{GRAVITY_M_PER_S2, Masses, RigidBody};
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
 
 /// Place and rates of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +61,19 @@ impl<const N: usize> LinkEnds<N> {
 }
 
 impl<const N: usize> MassiveMachine<N> {
+    /// Machine of a robot file, its joints without play. `None` without compliances or masses.
+    #[must_use]
+    pub fn of<K: MachineKind<N>>(robot: &RobotFile<K, N>) -> Option<Self> {
+        Some(Self {
+            elastic: ElasticMachine::new(
+                robot.model.geometry(),
+                robot.compliances?,
+                Backlash::NONE,
+            ),
+            masses: robot.masses?,
+        })
+    }
+
     fn link(&self, link: usize, pose: &Pose, axes: &[f64; N]) -> LinkEnds<N> {
         LinkEnds {
             joint: self.elastic.joint(link, axes),
@@ -98,12 +114,7 @@ impl<const N: usize> MassiveMachine<N> {
                 let guideway = self.elastic.geometry().guideways[axis];
                 self.masses.carts_kg[axis] * guideway.norm_squared()
             } else {
-                let plate = axis - ARMS;
-                if plate < PLATES {
-                    self.masses.plates_kgm2[plate]
-                } else {
-                    0.0
-                }
+                self.masses.plates_kgm2[axis - ARMS]
             }
         })
     }

@@ -1,8 +1,7 @@
 use nalgebra::{DMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::*;
-use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticMachine, Pose};
+use crate::elastic::Pose;
 use crate::masses::RigidBody;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
@@ -11,19 +10,12 @@ use crate::robot_file::RobotFile;
 fn at_home<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
 ) -> (MassiveMachine<N>, Pose, [f64; N]) {
-    let machine = MassiveMachine {
-        elastic: ElasticMachine::new(
-            robot.model.geometry(),
-            robot.compliances.unwrap(),
-            Backlash::NONE,
-        ),
-        masses: robot.masses.unwrap(),
-    };
     let pose = Pose {
         translation_m: robot.home_m(),
         rotation: UnitQuaternion::identity(),
     };
-    (machine, pose, robot.home_q().unwrap())
+    let axes = robot.home_q().unwrap();
+    (MassiveMachine::of(robot).unwrap(), pose, axes)
 }
 
 /// The state after a short time at these rates and accelerations.

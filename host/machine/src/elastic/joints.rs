@@ -23,26 +23,16 @@ pub struct Joint<const N: usize> {
 #[must_use]
 pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
     let arm = ARM_OF_LINK[link];
-    let [q4, q5, q6] = [0, 1, 2].map(|plate| q.get(Q4 + plate).copied().unwrap_or(0.0));
-    let turn_axis = Unit::new_normalize(geometry.turn_axis);
-    let tilt_axis = Unit::new_normalize(geometry.tilt_axis);
-    let [sign_2, sign_3] = geometry.turn_signs.map(|branch| branch.sign());
-    let (turn, tilt) = match arm {
-        1 => (sign_2 * q4, 0.0),
-        2 => (sign_3 * q5, q6),
-        _ => (0.0, 0.0),
-    };
-    let turned = Rotation3::from_axis_angle(&turn_axis, turn);
-    let tilted = Rotation3::from_axis_angle(&tilt_axis, tilt);
-    let lever = turned * tilted * geometry.plate_joints_m[link];
+    let plate = Plate::of(geometry, arm, q);
+    let lever_m = plate.rotation * geometry.plate_joints_m[link];
     Joint {
-        place_m: geometry.carts_m[arm] + geometry.guideways[arm] * q[arm] + lever,
-        slopes: std::array::from_fn(|axis| match (arm, axis) {
-            (_, axis) if axis == arm => geometry.guideways[arm],
-            (1, Q4) => turn_axis.cross(&lever) * sign_2,
-            (2, 4) => turn_axis.cross(&lever) * sign_3,
-            (2, 5) => (turned * tilt_axis).cross(&lever),
-            _ => Vector3::zeros(),
+        place_m: geometry.carts_m[arm] + geometry.guideways[arm] * q[arm] + lever_m,
+        slopes: std::array::from_fn(|axis| {
+            if axis == arm {
+                geometry.guideways[arm]
+            } else {
+                plate.turns[axis].cross(&lever_m)
+            }
         }),
     }
 }
@@ -56,27 +46,49 @@ pub fn centripetal_m_per_s2<const N: usize>(
     q: &[f64; N],
     rates: &SVector<f64, N>,
 ) -> Vector3<f64> {
-    let rate = |axis: usize| rates.get(axis).copied().unwrap_or(0.0);
-    let [sign_2, sign_3] = geometry.turn_signs.map(|branch| branch.sign());
-    let turn_axis = geometry.turn_axis.normalize();
-    let (turn, tilt) = match ARM_OF_LINK[link] {
-        1 => (turn_axis * (sign_2 * rate(Q4)), Vector3::zeros()),
-        2 => {
-            let q5 = q.get(Q4 + 1).copied().unwrap_or(0.0);
-            let turned = Rotation3::from_axis_angle(&Unit::new_normalize(turn_axis), sign_3 * q5);
-            let tilt_axis = turned * geometry.tilt_axis.normalize();
-            (
-                turn_axis * (sign_3 * rate(Q4 + 1)),
-                tilt_axis * rate(Q4 + 2),
-            )
+    let plate = Plate::of(geometry, ARM_OF_LINK[link], q);
+    let lever_m = plate.rotation * geometry.plate_joints_m[link];
+    let mut spin = Vector3::zeros();
+    // A later axis is carried by those before it.
+    let mut carried = Vector3::zeros();
+    for (turn, rate) in plate.turns.iter().zip(rates.iter()) {
+        let own = turn * *rate;
+        carried += spin.cross(&own);
+        spin += own;
+    }
+    spin.cross(&spin.cross(&lever_m)) + carried.cross(&lever_m)
+}
+
+/// The plate of an arm.
+struct Plate<const N: usize> {
+    rotation: Rotation3<f64>,
+    /// What each axis turns it about, world axes, rad per unit of `q`; zero of other axes.
+    turns: [Vector3<f64>; N],
+}
+
+impl<const N: usize> Plate<N> {
+    fn of(geometry: &f1::Geometry, arm: usize, q: &[f64; N]) -> Self {
+        let [q4, q5, q6] = [0, 1, 2].map(|plate| q.get(Q4 + plate).copied().unwrap_or(0.0));
+        let turn_axis = Unit::new_normalize(geometry.turn_axis);
+        let tilt_axis = Unit::new_normalize(geometry.tilt_axis);
+        let [sign_2, sign_3] = geometry.turn_signs.map(|branch| branch.sign());
+        let (turn, tilt) = match arm {
+            1 => (sign_2 * q4, 0.0),
+            2 => (sign_3 * q5, q6),
+            _ => (0.0, 0.0),
+        };
+        let turned = Rotation3::from_axis_angle(&turn_axis, turn);
+        let tilted = Rotation3::from_axis_angle(&tilt_axis, tilt);
+        Self {
+            rotation: turned * tilted,
+            turns: std::array::from_fn(|axis| match (arm, axis) {
+                (1, Q4) => turn_axis.into_inner() * sign_2,
+                (2, 4) => turn_axis.into_inner() * sign_3,
+                (2, 5) => turned * tilt_axis.into_inner(),
+                _ => Vector3::zeros(),
+            }),
         }
-        _ => return Vector3::zeros(),
-    };
-    let arm = ARM_OF_LINK[link];
-    let cart_m = geometry.carts_m[arm] + geometry.guideways[arm] * q[arm];
-    let lever_m = joint(geometry, link, q).place_m - cart_m;
-    let spin = turn + tilt;
-    spin.cross(&spin.cross(&lever_m)) + turn.cross(&tilt).cross(&lever_m)
+    }
 }
 
 #[cfg(test)]

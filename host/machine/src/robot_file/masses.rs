@@ -140,13 +140,5 @@ fn motors_kg<const N: usize>(
                 problems.range(&format!("masses.motor_kg[{motor}]"), *mass_kg, 1.0, 1e4);
             }
         })
-        .then(|| {
-            std::array::from_fn(|axis| {
-                let of_axis = each.iter().zip(&motors.axis_of_motor);
-                of_axis
-                    .filter(|(_, of)| **of == axis)
-                    .map(|(mass_kg, _)| mass_kg)
-                    .sum()
-            })
-        })
+        .then(|| std::array::from_fn(|axis| motors.sum_on(axis, each.iter().copied())))
 }

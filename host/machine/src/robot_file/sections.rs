@@ -143,6 +143,23 @@ pub struct Motors {
     pub axis_of_motor: Vec<usize>,
 }
 
+impl Motors {
+    /// Number of motors of each axis.
+    #[must_use]
+    pub fn per_axis<const N: usize>(&self) -> [f64; N] {
+        std::array::from_fn(|axis| self.sum_on(axis, self.axis_of_motor.iter().map(|_| 1.0)))
+    }
+
+    /// Sum of what the motors of an axis have, one number per motor.
+    pub(super) fn sum_on(&self, axis: usize, each: impl Iterator<Item = f64>) -> f64 {
+        let of_axis = self.axis_of_motor.iter().zip(each);
+        of_axis
+            .filter(|(of, _)| **of == axis)
+            .map(|(_, value)| value)
+            .sum()
+    }
+}
+
 /// `[sensor]`: the force sensor on the platform.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use nalgebra::{ComplexField, DMatrix, DVector};
 
 use super::filter::Past;
-use super::{CYCLE_S, Filter, LinearMachine, LoopGain, Margin, TickMap, eigenvalues};
+use super::{Filter, LinearMachine, LoopGain, Margin, TickMap, eigenvalues};
+use crate::drive_cascade::CYCLE_S;
 
 /// The loop of a compensation of first order.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,8 +7,12 @@ use nalgebra::{Complex, ComplexField, DMatrix};
 /// Largest number of iterations.
 const MAX_ITERATIONS: usize = 100_000;
 
-/// Returns the eigenvalues of a real matrix; `None` if they are not found.
+/// Returns the eigenvalues of a real matrix; `None` if they are not found, or an entry is not
+/// finite, which balancing would not end with.
 pub(super) fn of_real(mut matrix: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    if !matrix.iter().all(|entry| entry.is_finite()) {
+        return None;
+    }
     // Metres beside newtons: without equal norms of rows and columns digits are lost.
     balance_parlett_reinsch(&mut matrix);
     let schur = Schur::try_new(matrix, f64::EPSILON, MAX_ITERATIONS)?;

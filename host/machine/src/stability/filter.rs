@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
 use nalgebra::{Complex, ComplexField};
 
-use super::CYCLE_S;
+use crate::drive_cascade::CYCLE_S;
 
 /// Longest time that a step response is followed, s.
 pub const MAX_SETTLING_S: f64 = 20.0;
@@ -66,12 +66,10 @@ impl Filter {
     #[must_use]
     pub fn response(&self, z: Complex<f64>) -> Complex<f64> {
         let back = z.inv();
-        let of = |section: &Section| {
-            let Section { b, a } = section;
-            let numerator = back * (back * b[2] + b[1]) + b[0];
-            numerator / (back * (back * a[1] + a[0]) + 1.0)
-        };
-        self.sections.iter().map(of).product()
+        self.sections
+            .iter()
+            .map(|section| section.response(back))
+            .product()
     }
 
     /// Returns the magnitude of the response at a frequency, Hz.
@@ -113,6 +111,13 @@ impl Filter {
 }
 
 impl Section {
+    /// Returns the response by `z^-1`.
+    fn response(&self, back: Complex<f64>) -> Complex<f64> {
+        let Self { b, a } = self;
+        let numerator = back * (back * b[2] + b[1]) + b[0];
+        numerator / (back * (back * a[1] + a[0]) + 1.0)
+    }
+
     /// Section by the trapezoidal rule, exact at its frequency: `k = tan(pi f T)`.
     fn trapezoidal(k: f64, q: f64, numerator: [f64; 3]) -> Self {
         let scale = 1.0 + k / q + k * k;

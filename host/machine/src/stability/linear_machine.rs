@@ -1,12 +1,9 @@
 //! A machine about one place, at rest and unloaded: matrices of its motion.
 
-use nalgebra::{DMatrix, Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix6, SMatrix, Vector3};
 
 use crate::dynamics::{CoordinateMatrix, Coordinates, MassiveMachine, Modes};
 use crate::elastic::Pose;
-
-/// Axes that hold the translation of the tool alone.
-const TRANSLATION: usize = 3;
 
 /// A machine about one place, its drives free to move.
 ///
@@ -63,18 +60,17 @@ impl<const N: usize> LinearMachine<N> {
             forces
         }));
         let rigid = columns(rigid.into_iter());
-        let accelerations = |forces: &DMatrix<f64>| solved(&modes.mass, forces);
         Some(Self {
-            by_places: accelerations(&modes.stiffness.to_matrix())?,
-            by_drives: accelerations(&springs)?,
-            by_rates: accelerations(&damping.to_matrix())?,
-            by_drive_rates: accelerations(&drive_rates)?,
+            by_places: solved(&modes.mass, &modes.stiffness.to_matrix())?,
+            by_drives: solved(&modes.mass, &springs)?,
+            by_rates: solved(&modes.mass, &damping.to_matrix())?,
+            by_drive_rates: solved(&modes.mass, &drive_rates)?,
             load_by_rates: drive_rates.transpose(),
             load_by_drive_rates: drive_rates.transpose() * &rigid,
             axis_stiffness,
             tool: whole(&machine.masses.tool.mass_matrix(&pose.rotation)),
             load_by_places: DMatrix::zeros(6, 6 + N),
-            correction: correction(machine, pose, axes)?,
+            correction: correction(&motion, &machine.compliance(pose, axes)?)?,
             modes,
         })
     }
@@ -112,19 +108,12 @@ impl<const N: usize> LinearMachine<N> {
 /// Returns the offsets by a load that hold the tool to first order: its translation on three axes,
 /// its orientation too on six. `None` where the axes do not move it.
 fn correction<const N: usize>(
-    machine: &MassiveMachine<N>,
-    pose: &Pose,
-    axes: &[f64; N],
+    motion: &SMatrix<f64, 6, N>,
+    compliance: &Matrix6<f64>,
 ) -> Option<DMatrix<f64>> {
-    let held = if N == TRANSLATION {
-        TRANSLATION
-    } else {
-        N.min(6)
-    };
-    let motion = machine.rigid_motion(pose, axes)?;
-    let compliance = machine.compliance(pose, axes)?;
-    let motion = DMatrix::from_fn(held, N, |row, axis| motion[(row, axis)]);
-    let compliance = DMatrix::from_fn(held, 6, |row, column| compliance[(row, column)]);
+    // As many coordinates are held as there are axes.
+    let motion = DMatrix::from_fn(N, N, |row, axis| motion[(row, axis)]);
+    let compliance = DMatrix::from_fn(N, 6, |row, column| compliance[(row, column)]);
     Some(-motion.try_inverse()? * compliance)
 }
 

@@ -10,7 +10,8 @@ use nalgebra::linalg::Hessenberg;
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{Complex, ComplexField, DMatrix};
 
-use super::{CYCLE_S, Filter, LinearMachine, TickMap, eigenvalues};
+use super::{Filter, LinearMachine, TickMap, eigenvalues};
+use crate::drive_cascade::CYCLE_S;
 
 /// Frequencies that are looked at, Hz.
 const RANGE_HZ: (f64, f64) = (0.2, 490.0);
@@ -23,11 +24,11 @@ const HALF_WIDTHS: f64 = 8.0;
 /// Half width of a pole that the grid alone sees, as a share of its frequency.
 const BROAD: f64 = 0.15;
 
-/// Distance of a loop from instability, whatever its phase.
+/// Distance of a loop from instability by its gain, for every phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margin {
     /// One over the largest spectral radius of the loop over all frequencies: above 1 it is stable
-    /// whatever phase all axes share. 2 is required.
+    /// for every phase that all axes share. 2 is required.
     pub any_phase: f64,
     /// Frequency of that radius, Hz.
     pub hz: f64,
@@ -70,28 +71,30 @@ impl LoopGain {
     /// Gain of a map and a correction `P`, N x 6.
     pub(super) fn with(map: &TickMap, correction: &DMatrix<f64>) -> Option<Self> {
         let mut offsets = correction * &map.reading;
+        // Finite, so that balancing ends.
+        let frequencies = frequencies(&map.state)?;
         let mut balanced = map.state.clone();
         let scale = balance_parlett_reinsch(&mut balanced);
         let (basis, hessenberg) = Hessenberg::new(balanced).unpack();
-        let into = |columns: &DMatrix<f64>| {
+        let [previous, current] = [&map.previous, &map.current].map(|columns| {
             let mut scaled = columns.clone();
             for (mut row, factor) in scaled.row_iter_mut().zip(scale.iter()) {
                 row /= *factor;
             }
             basis.tr_mul(&scaled)
-        };
+        });
         for (mut column, factor) in offsets.column_iter_mut().zip(scale.iter()) {
             column *= *factor;
         }
         let mut gain = Self {
-            previous: into(&map.previous),
-            current: into(&map.current),
+            previous,
+            current,
             offsets: offsets * &basis,
             direct: correction * &map.direct,
             hessenberg,
             curve: Vec::new(),
         };
-        gain.curve = frequencies(&map.state)?
+        gain.curve = frequencies
             .into_iter()
             .map(|hz| gain.radii(hz))
             .collect::<Option<_>>()?;

@@ -1,46 +1,38 @@
 use gantry_tau_core::model::kinematics::Pose as RigidPose;
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::OffsetNm;
-use nalgebra::{DVector, UnitQuaternion};
+use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
 
 use super::*;
+use crate::drive_cascade::{CYCLE_S, POSITION_GAIN};
 use crate::dynamics::MassiveMachine;
-use crate::elastic::backlash::Backlash;
-use crate::elastic::{ElasticMachine, Pose};
+use crate::elastic::Pose;
 use crate::model::{MachineKind, on_path};
 use crate::robot_file::RobotFile;
 
-/// A machine of a file with a tool of this mass at home, and its cascade.
+/// A machine of a file with a tool of this mass.
+fn massive<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    tool_kg: f64,
+) -> MassiveMachine<N> {
+    let mut machine = MassiveMachine::of(robot).unwrap();
+    machine.masses.tool.mass_kg = tool_kg;
+    machine
+}
+
+/// The same about home, and its cascade.
 fn at_home<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
     tool_kg: f64,
 ) -> (LinearMachine<N>, DriveKind<N>) {
-    let mut masses = robot.masses.unwrap();
-    masses.tool.mass_kg = tool_kg;
-    let machine = MassiveMachine {
-        elastic: ElasticMachine::new(
-            robot.model.geometry(),
-            robot.compliances.unwrap(),
-            Backlash::NONE,
-        ),
-        masses,
-    };
     let pose = Pose {
         translation_m: robot.home_m(),
         rotation: UnitQuaternion::identity(),
     };
-    let motors = |axis| {
-        let of_axis = robot.motors.axis_of_motor.iter();
-        of_axis.filter(|of| **of == axis).map(|_| 1.0).sum()
-    };
-    let drives = DriveKind::Cascade {
-        position_gain_per_s: 150.0,
-        motors: std::array::from_fn(motors),
-        motors_kg: masses.motors_kg,
-        metres_per_q: robot.metres_per_q,
-    };
+    let machine = massive(robot, tool_kg);
     let linear = LinearMachine::at(&machine, &pose, &robot.home_q().unwrap()).unwrap();
-    (linear, drives)
+    (linear, DriveKind::cascade(robot, POSITION_GAIN).unwrap())
 }
 
 /// A hundredth of a load leaves a hundredth of its second order, and a nanometre of rounding.
@@ -154,6 +146,34 @@ fn below_the_margin_no_latency_is_unstable() {
     assert!(most > 0.0, "{most}");
 }
 
+/// A sensor without turn and tool against the filter that stands for it.
+#[test]
+fn the_filter_of_first_order_is_the_sensors() {
+    let mut sensor = ForceSensor::new(SensorConfig {
+        rotation: Matrix3::identity(),
+        lever_m: Vector3::zeros(),
+        tool: Tool::weightless(),
+        cutoff_hz: 20.0,
+        cycle_s: CYCLE_S,
+        tare_samples: 1,
+    })
+    .unwrap();
+    let filter = Filter::first_order(20.0);
+    let mut past = vec![[0.0; 2]; filter.order()];
+    sensor
+        .update(&Wrench::zero(), &Matrix3::identity())
+        .unwrap();
+    for sample in 0..200 {
+        let force_n = f64::from(sample % 17) - 5.0;
+        let raw = Wrench::from_array([force_n, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let Reading::Load(load) = sensor.update(&raw, &Matrix3::identity()).unwrap() else {
+            panic!("still taring")
+        };
+        let off = filter.next(&mut past, force_n) - load.force_n.x;
+        assert!(off.abs() < 1e-12, "sample {sample}: {off:e}");
+    }
+}
+
 /// Responses against what the filters are for: -3 dB at the corner, nothing at a notch.
 #[test]
 fn filters_have_their_frequencies() {
@@ -183,16 +203,7 @@ fn filters_have_their_frequencies() {
 #[test]
 fn the_default_of_an_l2_has_its_margin_over_the_reach() {
     let robot = RobotFile::builtin_l2().unwrap();
-    let mut masses = robot.masses.unwrap();
-    masses.tool.mass_kg = 5.0;
-    let machine = MassiveMachine {
-        elastic: ElasticMachine::new(
-            robot.model.geometry(),
-            robot.compliances.unwrap(),
-            Backlash::NONE,
-        ),
-        masses,
-    };
+    let machine = massive(&robot, 5.0);
     let (_, drives) = at_home(&robot, 5.0);
     let judged = |filter: FilterKind| {
         let compensation = Compensation {
@@ -291,7 +302,7 @@ fn a_workpiece_carries_its_share() {
     let stiffness_n_per_m = 1e6;
     let contact = Contact {
         stiffness_n_per_m,
-        direction: nalgebra::Vector3::z(),
+        direction: Vector3::z(),
     };
     let held = machine.in_contact(&contact).unwrap();
     let references = DVector::from_row_slice(&[30e-6, 10e-6, -20e-6]);
@@ -326,23 +337,9 @@ fn a_workpiece_carries_its_share() {
 #[test]
 fn a_stiff_position_loop_undamps_an_f1() {
     let robot = RobotFile::builtin_f1().unwrap();
-    let (machine, drives) = at_home(&robot, 1.835);
+    let (machine, _) = at_home(&robot, 1.835);
     for (gain, expected) in [(150.0, 0.24e-2), (40.0, 1.72e-2)] {
-        let DriveKind::Cascade {
-            motors,
-            motors_kg,
-            metres_per_q,
-            ..
-        } = drives
-        else {
-            panic!("not a cascade")
-        };
-        let drives = DriveKind::Cascade {
-            position_gain_per_s: gain,
-            motors,
-            motors_kg,
-            metres_per_q,
-        };
+        let drives = DriveKind::cascade(&robot, gain).unwrap();
         let vibrations = TickMap::of(&machine, &drives).vibrations().unwrap();
         let least = vibrations
             .into_iter()
@@ -383,4 +380,17 @@ fn ideal_drives_have_the_margins_of_the_vectors() {
         judged += 1;
     }
     assert_eq!(judged, 6);
+}
+
+/// Entries that are no numbers would keep balancing from its end.
+#[test]
+fn a_map_without_numbers_has_no_eigenvalues() {
+    let (machine, drives) = at_home(&RobotFile::builtin_l2().unwrap(), 1.8);
+    for wrong in [f64::NAN, f64::INFINITY] {
+        let mut map = TickMap::of(&machine, &drives);
+        map.state[(3, 4)] = wrong;
+        assert!(LoopGain::of(&machine, &map).is_none() && map.vibrations().is_none());
+        let looped = Loop::new(&machine, map, Filter::first_order(20.0), 3);
+        assert!(looped.growth().is_none() && looped.margin().is_none());
+    }
 }

@@ -5,13 +5,13 @@ use std::f64::consts::TAU;
 
 use nalgebra::{ComplexField, DMatrix};
 
-use super::{CYCLE_S, LinearMachine, eigenvalues};
+use super::{LinearMachine, eigenvalues};
 use crate::drive_cascade::{
-    CURRENT_SHARE, MASS_KG, SUBSTEPS, VELOCITY_GAIN, VELOCITY_INTEGRAL_S, VISCOUS_FRICTION,
+    CURRENT_SHARE, CYCLE_S, MASS_KG, SUBSTEP_S, SUBSTEPS, VELOCITY_GAIN, VELOCITY_INTEGRAL_S,
+    VISCOUS_FRICTION,
 };
-
-/// Length of a step, s.
-const STEP_S: f64 = CYCLE_S / SUBSTEPS as f64;
+use crate::model::MachineKind;
+use crate::robot_file::RobotFile;
 
 /// Drives of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +29,23 @@ pub enum DriveKind<const N: usize> {
         /// Length of one unit of each `q`, m.
         metres_per_q: [f64; N],
     },
+}
+
+impl<const N: usize> DriveKind<N> {
+    /// Cascade of a robot file's drives with this gain of the position loops, 1/s. `None` without
+    /// masses.
+    #[must_use]
+    pub fn cascade<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        position_gain_per_s: f64,
+    ) -> Option<Self> {
+        Some(Self::Cascade {
+            position_gain_per_s,
+            motors: robot.motors.per_axis(),
+            motors_kg: robot.masses?.motors_kg,
+            metres_per_q: robot.metres_per_q,
+        })
+    }
 }
 
 /// Motion over a cycle: `z' = A z + B_1 r_previous + B_2 r_current`, and the reading at its end,
@@ -184,8 +201,8 @@ fn ideal<const N: usize>(machine: &LinearMachine<N>) -> TickMap {
             drives: rows.references(1.0 - share, share),
             drive_rates: rows.references(-1.0 / CYCLE_S, 1.0 / CYCLE_S),
         };
-        let rates = &rates + motion.accelerations(machine) * STEP_S;
-        let places = &places + &rates * STEP_S;
+        let rates = &rates + motion.accelerations(machine) * SUBSTEP_S;
+        let places = &places + &rates * SUBSTEP_S;
         stacked(&[places, rates, rows.references(0.0, 1.0)])
     };
     // Between two cycles the drives change their velocity at once; they count as at rest.
@@ -251,7 +268,7 @@ impl<const N: usize> Cascade<'_, N> {
             + rows.references(-1.0 / CYCLE_S, 1.0 / CYCLE_S)
             - &now.drive_rates;
         let proportional = scaled(scaled(error, &self.metres_per_q), &self.velocity_gain);
-        let integral = integral + &proportional * (STEP_S / VELOCITY_INTEGRAL_S);
+        let integral = integral + &proportional * (SUBSTEP_S / VELOCITY_INTEGRAL_S);
         let force = force * (1.0 - CURRENT_SHARE) + (proportional + &integral) * CURRENT_SHARE;
         let metres_per_q = self.metres_per_q;
         let moved = &force + self.load(now)
@@ -261,10 +278,10 @@ impl<const N: usize> Cascade<'_, N> {
             );
         let inertia: [f64; N] =
             std::array::from_fn(|axis| 1.0 / (self.motors_kg[axis] * metres_per_q[axis]));
-        let drive_rates = &now.drive_rates + scaled(moved, &inertia) * STEP_S;
-        let drives = &now.drives + &drive_rates * STEP_S;
-        let rates = &now.rates + now.accelerations(self.machine) * STEP_S;
-        let places = &now.places + &rates * STEP_S;
+        let drive_rates = &now.drive_rates + scaled(moved, &inertia) * SUBSTEP_S;
+        let drives = &now.drives + &drive_rates * SUBSTEP_S;
+        let rates = &now.rates + now.accelerations(self.machine) * SUBSTEP_S;
+        let places = &now.places + &rates * SUBSTEP_S;
         stacked(&[places, rates, drives, drive_rates, integral, force])
     }
 

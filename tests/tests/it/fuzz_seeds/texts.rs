@@ -217,6 +217,31 @@ pub(crate) fn requests() -> Vec<Seed> {
             }
             seeds.push((format!("{model}_{op}"), format!("{request}\n").into_bytes()));
         }
+        let masses = json!({
+            "platform_kg": 12.0, "platform_centre": [0.0, 0.0, 0.02], "platform_I": [0.12, 0.12, 0.18],
+            "link_kg": [2.0, 2.0, 2.0, 2.0, 2.0, 2.0], "cart_kg": [25.0, 25.0, 25.0],
+            "plate_I": [0.12, 0.12, 0.08], "tool_kg": 1.8, "tool_centre": [0.01, 0.0, -0.12],
+            "tool_I": [[6e-3, 0.0, 0.0], [0.0, 6e-3, 0.0], [0.0, 0.0, 3e-3]],
+        });
+        for op in ["dynamics", "modes", "loop"] {
+            let mut request = json!({"robot": robot, "op": op, "tcp_m": case["T"], "axes": case["q"], "masses": masses});
+            if model == "f1" {
+                request["rotation"] = case["R"].clone();
+            }
+            if op == "dynamics" {
+                request["wrench"] = case["w"].clone();
+            }
+            if op == "loop" {
+                request["filter"] = json!("butterworth2_6_notch_1_3_q0.7");
+            }
+            // Far beyond what a machine has, too.
+            let mut far = request.clone();
+            far["axes"] = json!(vec![1e300; case["q"].as_array().unwrap().len()]);
+            seeds.push((
+                format!("{model}_{op}"),
+                format!("{request}\n{far}\n").into_bytes(),
+            ));
+        }
         let seeded = json!({"robot": robot, "op": "fk", "q": case["q"], "seed": {"T": case["T"], "R": case["R"]}});
         let far = json!({"robot": robot, "op": "ik", "T": [0.0, 9e9, 0.0]});
         let not_finite = format!("{far}").replace("9000000000.0", "1e999");

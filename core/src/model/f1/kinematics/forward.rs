@@ -14,8 +14,8 @@ const SYNCHRONISED_TOLERANCE: f64 = 1e-9;
 
 impl Kinematics {
     /// Forward kinematics without a seed: from the synchronised form, for any angles of the plates.
-    /// Where they turn together (`q_4 = -q_5` for drives of opposite signs) that form is the
-    /// solution, and no iteration is needed unless the links of a cluster are parallel only to the
+    /// That form is the solution where they turn together (`q_4 = -q_5` for drives of opposite
+    /// signs), and no iteration is needed unless the links of a cluster are parallel only to the
     /// tolerance.
     ///
     /// # Errors

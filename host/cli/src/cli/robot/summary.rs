@@ -229,7 +229,7 @@ fn drives<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<String> {
     lines
 }
 
-/// What moves.
+/// Masses, and the damping of the modes.
 fn masses<K, const N: usize>(robot: &RobotFile<K, N>) -> String {
     let Some(masses) = &robot.masses else {
         return line("masses", "none: nothing is known of motion and stability");

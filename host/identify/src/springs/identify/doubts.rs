@@ -214,8 +214,8 @@ impl<const N: usize> IdentifiedSprings<'_, N> {
         doubts
     }
 
-    /// What repeats say of the model: of noise that is taken from the residuals chi-squared says
-    /// nothing, and of one that is stated too large it says too little.
+    /// Doubt about the model by repeated readings: chi-squared says nothing of noise that is taken
+    /// from the residuals, and too little of noise that is stated too large.
     pub(super) fn lack_of_fit_doubt(&self, is_first: bool) -> Option<String> {
         let is_scaled = self.intervals.is_scaled;
         let Some(repeats) = &self.lack_of_fit else {

@@ -31,8 +31,8 @@ pub(super) enum StartError {
 }
 
 /// Fits from the robot file where the device sees it, begun with the poses whose places are near.
-/// Where poses are wrong that may be far off, so unless a fit is to be believed it is made again
-/// from frames of other poses. Returns the best, and its frames.
+/// That may be far off with wrong poses among them, so unless a fit is to be believed it is made
+/// again from frames of other poses. Returns the best, and its frames.
 pub(super) fn best_start(
     pairs: &[(Isometry3<f64>, Isometry3<f64>)],
     target_m: Option<Vector3<f64>>,
