@@ -7,7 +7,7 @@ use super::super::record::{LISTENING, OBTAIN, SAFE_DISCONNECT};
 use super::super::run::Machine;
 use super::judged::{Limits, ends};
 use super::session::Session;
-use super::{CLOSED, GOODBYE, end, l2, l2_part, turns, variant};
+use super::{CLOSED, GOODBYE, end, l2, l2_part, turns, weightless};
 
 /// Offsets are whole nanometres, of a reference that is one too; the filter has settled.
 const ROUNDING_NM: f64 = 2.0;
@@ -64,12 +64,7 @@ fn compensates<const N: usize>(
     let machine = Machine::obeying(robot, "compensates", "lockstep=1").unwrap();
     machine.program(part).unwrap();
     // The sample does not depend on the pose: nothing that the sensor carries has a weight.
-    let file = variant(
-        &machine,
-        "weightless.toml",
-        "weight_n = [0.0, 0.0, -18.0]",
-        "weight_n = [0.0, 0.0, 0.0]",
-    );
+    let file = weightless(&machine);
     let mut session = Session::begin(&machine);
     session.switch_on();
     session.rearm();

@@ -95,9 +95,33 @@ fn l2() -> Limits<3> {
 /// A robot file with another text; next to the configuration.
 fn variant(machine: &Machine, name: &str, from: &str, to: &str) -> String {
     let text = text_of(machine.name).unwrap();
+    write(machine, name, &replaced(&text, from, to))
+}
+
+/// Writes the robot file with a tool that has no weight, and so without masses. Returns its path.
+fn weightless(machine: &Machine) -> String {
+    let text = text_of(machine.name).unwrap();
+    let masses =
+        &text[text.find("[masses]").unwrap()..text.find("# The simulated machine.").unwrap()];
+    let text = replaced(&text, masses, "");
+    let text = replaced(
+        &text,
+        "weight_n = [0.0, 0.0, -18.0]",
+        "weight_n = [0.0, 0.0, 0.0]",
+    );
+    write(machine, "weightless.toml", &text)
+}
+
+/// Returns a text with its only `from` replaced.
+fn replaced(text: &str, from: &str, to: &str) -> String {
     assert_eq!(text.matches(from).count(), 1, "{from}");
+    text.replace(from, to)
+}
+
+/// Writes a file beside the configuration. Returns its path.
+fn write(machine: &Machine, name: &str, text: &str) -> String {
     let path = machine.file(name);
-    std::fs::write(&path, text.replace(from, to)).unwrap();
+    std::fs::write(&path, text).unwrap();
     path.to_str().unwrap().to_owned()
 }
 

@@ -20,6 +20,9 @@ pub(super) fn program() -> &'static Path {
 /// Seconds that anything may take.
 const PATIENCE: u32 = 60;
 
+/// Exit code of a client that cannot use its robot file.
+const BAD_INPUT: i32 = 1;
+
 /// Leave to run, beside others in lock-step or alone.
 enum Turn {
     Shared(#[expect(dead_code, reason = "held")] RwLockReadGuard<'static, ()>),
@@ -220,7 +223,8 @@ impl Session {
                 if self.ask("wait 0.2 p('gantry-tau.phase') == 3") == "done" {
                     return client;
                 }
-                if client.0.try_wait().unwrap().is_some() {
+                if let Some(status) = client.0.try_wait().unwrap() {
+                    assert_ne!(status.code(), Some(BAD_INPUT), "{robot}");
                     break;
                 }
             }
