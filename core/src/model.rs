@@ -22,6 +22,7 @@ pub mod f1;
 pub mod kinematics;
 pub mod l2;
 pub mod linalg;
+pub mod load_filter;
 mod lu;
 pub mod presets;
 pub mod robot;

@@ -37,6 +37,14 @@ pub fn cos(angle_rad: f64) -> f64 {
     libm::cos(angle_rad)
 }
 
+/// Tangent of an angle in radians.
+#[inline]
+#[must_use]
+#[expect(clippy::disallowed_methods, reason = "this is the seam")]
+pub fn tan(angle_rad: f64) -> f64 {
+    libm::tan(angle_rad)
+}
+
 /// Sine and cosine of an angle in radians, computed together; cheaper than two calls.
 #[inline]
 #[must_use]

@@ -10,18 +10,22 @@
 //! - `M_s = R_s^T (R^T M + c x R^T G - p x R^T (F + G)) + b_M`.
 //!
 //! Out comes the load `(F, M)` of the environment on the platform, world axes, about the tool
-//! centre point, filtered by a first-order low-pass. The tare finds `b` alone, so that it holds in
+//! centre point, filtered by a low-pass of first order, or of second order with notches
+//! ([`load_filter`](crate::model::load_filter)). The tare finds `b` alone, so that it holds in
 //! every orientation; a weight that is not known becomes part of `b`, which is right as long as the
 //! platform does not turn. (The thesis' three-axis machine never turns it; there the weight is
 //! tared `[T 4.2.5]`.)
 //!
 //! Inertia is not taken out: a tool of mass `m` accelerated by `a` reads `-m a` too, 5 N for 5 kg
-//! at 1 m/s².
+//! at 1 m/s². The filter decides whether a machine that bends by it swings.
 
 use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::model::linalg::{rotation_deviation, times};
+use crate::model::load_filter::{
+    GLIDE_CYCLES, LoadFilter, MAX_FREQUENCY, MAX_NOTCHES, Notch, SECTIONS, SectionState,
+};
 use crate::model::statics::Wrench;
 
 /// Largest component of a reading, N and N m: beyond it a reading is a fault, and sums stay far
@@ -47,6 +51,11 @@ const WIDEST_TARE: f64 = (MAX_READING + WIDEST_WEIGHT) * (1.0 + 1e-9);
 const WIDEST_LOAD: f64 =
     2.0 * (MAX_READING + WIDEST_TARE) * (1.0 + 4.0 * MAX_LEVER_M) + WIDEST_WEIGHT;
 
+/// Integrators and output of filters of second order, which resonate: a fault long before it.
+const WIDEST_SECTION: f64 = 1e3 * WIDEST_LOAD;
+/// Lowest and highest Q of a notch.
+pub const NOTCH_Q: (f64, f64) = (0.1, 10.0);
+
 /// Weight of what the sensor carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tool {
@@ -68,6 +77,18 @@ impl Tool {
     }
 }
 
+/// Low-pass of the load.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum LowPass {
+    /// First order: `y += a (x - y)` with `a = u / (1 + u)`, `u = 2 pi f T` (backward Euler):
+    /// stable for every cut-off, within 2 % of its corner while `f T <= 0.01`.
+    #[default]
+    FirstOrder,
+    /// Second order, Butterworth, with the notches of [`ForceSensor::set_notches`] behind it.
+    SecondOrder,
+}
+
 /// Mounting and filter of the sensor, not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorConfig {
@@ -78,7 +99,9 @@ pub struct SensorConfig {
     pub lever_m: Vector3<f64>,
     /// Tool that the sensor carries.
     pub tool: Tool,
-    /// Cut-off frequency of the low-pass, Hz.
+    /// Low-pass of the load.
+    pub low_pass: LowPass,
+    /// Its cut-off frequency, Hz. Of second order at most [`MAX_FREQUENCY`] of the samples'.
     pub cutoff_hz: f64,
     /// Time between two samples, s.
     pub cycle_s: f64,
@@ -155,8 +178,10 @@ pub struct SensorState {
     /// `b`: mean of the samples the tare has taken, less the tool's weight; zero before the first.
     /// Sensor axes.
     pub tare: Wrench,
-    /// Output of the low-pass, world axes, about the tool centre point.
+    /// Output of the filter, world axes, about the tool centre point.
     pub filtered: Wrench,
+    /// Low-pass of second order, then notches; zero with one of first order.
+    pub sections: [SectionState; SECTIONS],
 }
 
 impl SensorState {
@@ -165,6 +190,7 @@ impl SensorState {
             tare_remaining: config.tare_samples,
             tare: Wrench::zero(),
             filtered: Wrench::zero(),
+            sections: [SectionState::zero(); SECTIONS],
         }
     }
 }
@@ -174,7 +200,7 @@ impl SensorState {
 /// # Examples
 /// ```
 /// use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
-/// use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
+/// use gantry_tau_core::model::sensor::{ForceSensor, LowPass, Reading, SensorConfig, Tool};
 /// use gantry_tau_core::model::statics::Wrench;
 ///
 /// let sensor_m = Vector3::new(0.0, 0.0, -0.08);
@@ -183,6 +209,7 @@ impl SensorState {
 ///     lever_m: sensor_m,
 ///     // 18 N, centred in the sensor.
 ///     tool: Tool { weight_n: Vector3::new(0.0, 0.0, -18.0), centre_m: sensor_m },
+///     low_pass: LowPass::FirstOrder,
 ///     cutoff_hz: 20.0,
 ///     cycle_s: 1e-3,
 ///     tare_samples: 2,
@@ -201,16 +228,36 @@ impl SensorState {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSensor {
     config: SensorConfig,
-    /// Share of a new sample, in (0, 1).
-    coefficient: f64,
+    filter: Filter,
     state: SensorState,
+}
+
+/// Coefficients of the filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Filter {
+    /// Share of a new sample, in (0, 1).
+    FirstOrder(f64),
+    SecondOrder(LoadFilter),
+}
+
+impl Filter {
+    /// Filter of a configuration that was checked.
+    fn new(config: &SensorConfig) -> Self {
+        let SensorConfig {
+            cutoff_hz, cycle_s, ..
+        } = *config;
+        match config.low_pass {
+            LowPass::FirstOrder => {
+                let u = core::f64::consts::TAU * cutoff_hz * cycle_s;
+                Self::FirstOrder(u / (1.0 + u))
+            }
+            LowPass::SecondOrder => Self::SecondOrder(LoadFilter::new(cutoff_hz, cycle_s)),
+        }
+    }
 }
 
 impl ForceSensor {
     /// Checks the configuration; the sensor starts with its tare.
-    ///
-    /// The low-pass is `y += a (x - y)` with `a = u / (1 + u)`, `u = 2 pi f T` (backward Euler):
-    /// stable for every cut-off, within 2 % of its corner while `f T <= 0.01`.
     ///
     /// # Errors
     /// [`SensorError::NotRotation`] or [`SensorError::OutOfRange`], naming the parameter.
@@ -227,14 +274,17 @@ impl ForceSensor {
         for value in config.tool.centre_m.iter() {
             check("tool.centre_m", *value, -MAX_LEVER_M, MAX_LEVER_M)?;
         }
-        check("cutoff_hz", config.cutoff_hz, 1e-3, 1e5)?;
         check("cycle_s", config.cycle_s, 1e-6, 10.0)?;
+        let highest_hz = match config.low_pass {
+            LowPass::FirstOrder => 1e5,
+            LowPass::SecondOrder => MAX_FREQUENCY / config.cycle_s,
+        };
+        check("cutoff_hz", config.cutoff_hz, 1e-3, highest_hz)?;
         let samples = f64::from(config.tare_samples);
         check("tare_samples", samples, 1.0, f64::from(MAX_TARE_SAMPLES))?;
-        let u = core::f64::consts::TAU * config.cutoff_hz * config.cycle_s;
         Ok(Self {
             config,
-            coefficient: u / (1.0 + u),
+            filter: Filter::new(&config),
             state: SensorState::untared(&config),
         })
     }
@@ -276,7 +326,45 @@ impl ForceSensor {
             return false;
         };
         let mean = if taken > 0 { WIDEST_TARE } else { 0.0 };
-        within(&state.tare, mean) && within(&state.filtered, WIDEST_LOAD)
+        let filtered = match self.config.low_pass {
+            LowPass::FirstOrder => WIDEST_LOAD,
+            LowPass::SecondOrder => WIDEST_SECTION,
+        };
+        within(&state.tare, mean)
+            && within(&state.filtered, filtered)
+            && state.sections.iter().all(|section| {
+                within(&section.band, WIDEST_SECTION) && within(&section.low, WIDEST_SECTION)
+            })
+    }
+
+    /// Moves the notches behind a low-pass of second order to other frequencies, within
+    /// [`GLIDE_CYCLES`], or at once while it is tared. `None` is no notch. Each has its place: one
+    /// that moves stays where it is among them.
+    ///
+    /// # Errors
+    /// [`SensorError::OutOfRange`], naming the parameter, also for a notch behind a low-pass of
+    /// first order; the notches are what they were.
+    pub fn set_notches(
+        &mut self,
+        notches: &[Option<Notch>; MAX_NOTCHES],
+    ) -> Result<(), SensorError> {
+        let highest_hz = match self.config.low_pass {
+            LowPass::FirstOrder => 0.0,
+            LowPass::SecondOrder => MAX_FREQUENCY / self.config.cycle_s,
+        };
+        for notch in notches.iter().flatten() {
+            check("notch.hz", notch.hz, 1e-3, highest_hz)?;
+            check("notch.q", notch.q, NOTCH_Q.0, NOTCH_Q.1)?;
+        }
+        if let Filter::SecondOrder(filter) = &mut self.filter {
+            let cycles = if self.state.tare_remaining > 0 {
+                0
+            } else {
+                GLIDE_CYCLES
+            };
+            filter.set_notches(notches, self.config.cycle_s, cycles);
+        }
+        Ok(())
     }
 
     /// Restarts the tare; the filter is at zero.
@@ -307,18 +395,18 @@ impl ForceSensor {
             return Err(SensorError::PlatformNotRotation);
         }
         let taring = self.state.tare_remaining.checked_sub(1);
-        let state = match taring {
-            Some(remaining) => self.tared(raw, rotation, remaining),
-            None => self.filtered(raw, rotation),
-        };
-        let next = Self { state, ..*self };
+        let mut next = *self;
+        match taring {
+            Some(remaining) => next.state = self.tared(raw, rotation, remaining),
+            None => next.take(&self.load(raw, rotation)),
+        }
         if !next.is_valid() {
             return Err(SensorError::BadReading);
         }
         *self = next;
         Ok(match taring {
             Some(remaining) => Reading::Taring { remaining },
-            None => Reading::Load(state.filtered),
+            None => Reading::Load(self.state.filtered),
         })
     }
 
@@ -337,21 +425,28 @@ impl ForceSensor {
         }
     }
 
-    /// The state with one more sample in the filter.
-    fn filtered(&self, raw: &Wrench, rotation: &Matrix3<f64>) -> SensorState {
-        let SensorState {
-            tare, mut filtered, ..
-        } = self.state;
+    /// The load of a sample, before the filter.
+    fn load(&self, raw: &Wrench, rotation: &Matrix3<f64>) -> Wrench {
+        let tare = self.state.tare;
         let weight = self.weight(rotation);
         let force_n = self.in_world(rotation, &(raw.force_n - tare.force_n - weight.force_n));
         let lever_m = times(rotation, &self.config.lever_m);
         let moment_nm = raw.moment_nm - tare.moment_nm - weight.moment_nm;
         let moment_nm = self.in_world(rotation, &moment_nm) + lever_m.cross(&force_n);
-        filtered.force_n += (force_n - filtered.force_n) * self.coefficient;
-        filtered.moment_nm += (moment_nm - filtered.moment_nm) * self.coefficient;
-        SensorState {
-            filtered,
-            ..self.state
+        Wrench { force_n, moment_nm }
+    }
+
+    /// Takes a load into the filter.
+    fn take(&mut self, load: &Wrench) {
+        let filtered = &mut self.state.filtered;
+        match &mut self.filter {
+            Filter::FirstOrder(share) => {
+                filtered.force_n += (load.force_n - filtered.force_n) * *share;
+                filtered.moment_nm += (load.moment_nm - filtered.moment_nm) * *share;
+            }
+            Filter::SecondOrder(filter) => {
+                *filtered = filter.next(&mut self.state.sections, load);
+            }
         }
     }
 
@@ -418,6 +513,7 @@ mod tests {
             rotation: Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
             lever_m: Vector3::new(0.0, 0.0, -0.08),
             tool: Tool::weightless(),
+            low_pass: LowPass::FirstOrder,
             cutoff_hz: 20.0,
             cycle_s: 1e-3,
             tare_samples: 4,
@@ -564,7 +660,9 @@ mod tests {
                 ..config()
             })
             .unwrap();
-            assert!(sensor.coefficient > 0.0 && sensor.coefficient < 1.0);
+            assert!(
+                matches!(sensor.filter, Filter::FirstOrder(share) if share > 0.0 && share < 1.0)
+            );
             sensor
                 .update(&Wrench::zero(), &Matrix3::identity())
                 .unwrap();
@@ -583,6 +681,163 @@ mod tests {
                 }
             }
         }
+    }
+
+    fn of_second_order(cutoff_hz: f64, notches: &[Notch]) -> ForceSensor {
+        let mut sensor = ForceSensor::new(SensorConfig {
+            rotation: Matrix3::identity(),
+            lever_m: Vector3::zeros(),
+            low_pass: LowPass::SecondOrder,
+            cutoff_hz,
+            tare_samples: 1,
+            ..config()
+        })
+        .unwrap();
+        sensor
+            .set_notches(&core::array::from_fn(|place| notches.get(place).copied()))
+            .unwrap();
+        let reading = sensor.update(&Wrench::zero(), &Matrix3::identity());
+        assert_eq!(reading, Ok(Reading::Taring { remaining: 0 }));
+        sensor
+    }
+
+    /// Load in z after a sample.
+    fn next(sensor: &mut ForceSensor, force_n: f64) -> f64 {
+        let raw = Wrench::from_array([0.0, 0.0, force_n, 0.0, 0.0, 0.0]);
+        let Ok(Reading::Load(load)) = sensor.update(&raw, &Matrix3::identity()) else {
+            panic!("no load");
+        };
+        load.force_n.z
+    }
+
+    /// Amplitude of the load under a sine of 1 N, after a second.
+    fn amplitude(sensor: &mut ForceSensor, hz: f64) -> f64 {
+        let mut most: f64 = 0.0;
+        for sample in 0..4000 {
+            let turn = core::f64::consts::TAU * hz * f64::from(sample) * 1e-3;
+            let load = next(sensor, crate::model::linalg::sin(turn));
+            if sample >= 1000 {
+                most = most.max(load.abs());
+            }
+        }
+        most
+    }
+
+    /// 1 / sqrt(2) at its corner, 40 dB per decade, one at rest.
+    #[test]
+    fn the_second_order_is_butterworth() {
+        let sensor = || of_second_order(6.0, &[]);
+        assert!((amplitude(&mut sensor(), 6.0) - 0.5_f64.sqrt()).abs() < 1e-3);
+        assert!((amplitude(&mut sensor(), 60.0) - 0.01).abs() < 1e-3);
+        let mut stepped = sensor();
+        let settled = (0..1000).map(|_| next(&mut stepped, 5.0)).last();
+        assert!((settled.unwrap() - 5.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_notch_takes_its_frequency_out_and_leaves_the_mean() {
+        let notch = Notch { hz: 20.0, q: 0.7 };
+        let sensor = || of_second_order(450.0, &[notch]);
+        assert!(amplitude(&mut sensor(), 20.0) < 1e-3);
+        assert!((amplitude(&mut sensor(), 0.5) - 1.0).abs() < 0.01);
+        assert!((amplitude(&mut sensor(), 200.0) - 1.0).abs() < 0.1);
+    }
+
+    /// A load that is at rest stays so while notches come, move and go, and none of them makes a
+    /// step.
+    #[test]
+    fn notches_glide() {
+        let mut sensor = of_second_order(6.0, &[]);
+        for _ in 0..1000 {
+            next(&mut sensor, 300.0);
+        }
+        let notch = |hz| Some(Notch { hz, q: 0.7 });
+        for notches in [
+            [notch(20.7), None, notch(47.6)],
+            [notch(8.0), notch(9.0), None],
+            [None; MAX_NOTCHES],
+        ] {
+            sensor.set_notches(&notches).unwrap();
+            for _ in 0..200 {
+                let load = next(&mut sensor, 300.0);
+                assert!((load - 300.0).abs() < 1e-6, "{load}");
+            }
+        }
+        // Under a load that swings the output moves on without a jump.
+        let mut last = 300.0;
+        for sample in 0..2000 {
+            if sample % 500 == 100 {
+                let hz = 5.0 + f64::from(sample) * 0.02;
+                sensor
+                    .set_notches(&[notch(hz), notch(3.0 * hz), None])
+                    .unwrap();
+            }
+            let turn = core::f64::consts::TAU * 3.0 * f64::from(sample) * 1e-3;
+            let load = next(&mut sensor, 300.0 + 50.0 * crate::model::linalg::sin(turn));
+            // 50 N at 3 Hz change by 0.94 N per ms.
+            assert!((load - last).abs() < 2.0, "{sample}: {last} {load}");
+            last = load;
+        }
+    }
+
+    /// The energy of the integrators of a resonant notch never grows without input, however its
+    /// frequency moves.
+    #[test]
+    fn moving_notches_do_not_pump() {
+        let mut sensor = of_second_order(450.0, &[Notch { hz: 20.0, q: 10.0 }]);
+        for _ in 0..3 {
+            next(&mut sensor, 1000.0);
+        }
+        let energy = |sensor: &ForceSensor| {
+            let section = sensor.state().sections[1];
+            section.band.force_n.norm_squared() + section.low.force_n.norm_squared()
+        };
+        let (mut low_pass, mut before) = (f64::MAX, energy(&sensor));
+        for sample in 0..5000_u32 {
+            if sample.is_multiple_of(7) {
+                let hz = if sample.is_multiple_of(2) { 15.0 } else { 25.0 };
+                sensor
+                    .set_notches(&[Some(Notch { hz, q: 10.0 }), None, None])
+                    .unwrap();
+            }
+            next(&mut sensor, 0.0);
+            let now = energy(&sensor);
+            // Until the low-pass is empty.
+            assert!(low_pass > 1e-9 || now <= before * (1.0 + 1e-12), "{sample}");
+            low_pass = sensor.state().sections[0].low.force_n.norm();
+            before = now;
+        }
+        assert!(before < 1e-3, "{before}");
+    }
+
+    #[test]
+    fn notches_out_of_range_are_refused_and_change_nothing() {
+        let mut sensor = of_second_order(6.0, &[Notch { hz: 20.0, q: 0.7 }]);
+        let before = sensor;
+        for (hz, q, parameter) in [
+            (f64::NAN, 0.7, "notch.hz"),
+            (0.0, 0.7, "notch.hz"),
+            (451.0, 0.7, "notch.hz"),
+            (20.0, 0.0, "notch.q"),
+            (20.0, f64::INFINITY, "notch.q"),
+        ] {
+            let refused = sensor.set_notches(&[None, Some(Notch { hz, q }), None]);
+            assert!(
+                matches!(refused, Err(SensorError::OutOfRange { parameter: named, .. }) if named == parameter),
+                "{refused:?}"
+            );
+            assert_eq!(sensor, before);
+        }
+        let mut first_order = ForceSensor::new(config()).unwrap();
+        let notch = Some(Notch { hz: 20.0, q: 0.7 });
+        assert!(first_order.set_notches(&[notch, None, None]).is_err());
+        assert_eq!(first_order.set_notches(&[None; MAX_NOTCHES]), Ok(()));
+        let too_high = SensorConfig {
+            low_pass: LowPass::SecondOrder,
+            cutoff_hz: 451.0,
+            ..config()
+        };
+        assert!(ForceSensor::new(too_high).is_err());
     }
 
     #[test]

@@ -146,6 +146,7 @@ static void sensor(void)
 
     config.tare_samples = 2;
     check("sensor", gt_sensor_init(&sensor_memory, sizeof sensor_memory, &config, &object, &error), &error);
+    check("notches", gt_sensor_set_notches(object, l2_notches_hz, L2_NOTCH_Q, &error), &error);
     for (int sample = 0; sample < 50; sample++) {
         if (sample == 2) {
             raw.force_n[0] += 10;

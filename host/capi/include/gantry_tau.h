@@ -78,7 +78,7 @@
 #define GT_ALIGN 16
 
 // Bytes of a gt_sensor.
-#define GT_SENSOR_SIZE 512
+#define GT_SENSOR_SIZE 1536
 
 // Length of arrays per axis.
 #define GT_MAX_AXES 6
@@ -354,6 +354,12 @@ enum gt_parameter
   GT_PARAMETER_TOOL_WEIGHT = 24,
   // tool_centre_m of a sensor.
   GT_PARAMETER_TOOL_CENTRE = 25,
+  // order of a sensor's low-pass.
+  GT_PARAMETER_ORDER = 26,
+  // Frequency of a notch.
+  GT_PARAMETER_NOTCH_FREQUENCY = 27,
+  // Q of a notch.
+  GT_PARAMETER_NOTCH_Q = 28,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -594,12 +600,14 @@ typedef struct gt_sensor_config {
   double tool_weight_n[3];
   // c: from the tool centre point to its centre of gravity, platform axes, m; at most 10.
   double tool_centre_m[3];
-  // Cut-off frequency of the low-pass, Hz, 1e-3 to 1e5.
+  // Cut-off frequency of the low-pass, Hz, 1e-3 to 1e5, or to 0.45 / cycle_s of second order.
   double cutoff_hz;
   // Time between two samples, s, 1e-6 to 10.
   double cycle_s;
   // Samples of the tare, 1 to 1e6; the tool must be unloaded meanwhile.
   uint32_t tare_samples;
+  // Order of the low-pass: 1, or 2 (Butterworth), which can have notches.
+  uint32_t order;
 } gt_sensor_config;
 
 // Limits of one offset channel: 0 < ramp <= step, step + ramp <= accel, max >= 0.
@@ -1130,6 +1138,18 @@ gt_code gt_sensor_init(void *memory,
                        const struct gt_sensor_config *config,
                        struct gt_sensor **sensor,
                        struct gt_error *error);
+
+// Moves the notches behind a low-pass of second order, within 50 cycles, or at once while it is
+// tared. A machine swings least with them at its natural frequencies where it is.
+//
+// `hz`: three frequencies, 1e-3 to 0.45 / cycle_s; 0: no notch. Each has its place: a notch that
+// moves stays where it is among them. `q`: of all three, 0.1 to 10; 0.7 is wide enough for
+// frequencies that are 20 % wrong.
+//
+// Errors: GT_CODE_SENSOR_OUT_OF_RANGE, also for a notch behind a low-pass of first order; the
+// sensor is then unchanged.
+//
+gt_code gt_sensor_set_notches(struct gt_sensor *sensor, const double hz[3], double q, struct gt_error *error);
 
 // Takes one raw sample (sensor axes, about the sensor's origin), once per cycle, with the platform
 // in `pose`, of which only the rotation is read: of an L2 it is constant, of an F1 see

@@ -71,6 +71,12 @@ pub enum gt_parameter {
     ToolWeight = 24,
     /// tool_centre_m of a sensor.
     ToolCentre = 25,
+    /// order of a sensor's low-pass.
+    Order = 26,
+    /// Frequency of a notch.
+    NotchFrequency = 27,
+    /// Q of a notch.
+    NotchQ = 28,
 }
 
 /// Details of an error. The meaning of a field depends on the code; a field that the code does not
@@ -345,6 +351,8 @@ fn sensor_parameter(name: &str) -> gt_parameter {
         "tare_samples" => gt_parameter::TareSamples,
         "tool.weight_n" => gt_parameter::ToolWeight,
         "tool.centre_m" => gt_parameter::ToolCentre,
+        "notch.hz" => gt_parameter::NotchFrequency,
+        "notch.q" => gt_parameter::NotchQ,
         _ => gt_parameter::None,
     }
 }

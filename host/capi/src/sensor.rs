@@ -3,16 +3,17 @@
 use core::ffi::c_void;
 use core::ptr::null_mut;
 
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
+use gantry_tau_core::model::load_filter::Notch;
+use gantry_tau_core::model::sensor::{ForceSensor, LowPass, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::Wrench;
 
 use crate::code::gt_code;
-use crate::error::gt_error;
+use crate::error::{gt_error, gt_parameter};
 use crate::machine::{gt_pose, gt_wrench, matrix};
-use crate::memory::{Object, answer, checked, create, object_mut, read, reply, tag};
+use crate::memory::{Object, Reply, answer, checked, create, object_mut, read, reply, tag};
 
 /// Bytes of a gt_sensor.
-pub const GT_SENSOR_SIZE: usize = 512;
+pub const GT_SENSOR_SIZE: usize = 1536;
 
 /// Mounting and filter of a sensor.
 #[repr(C)]
@@ -27,12 +28,14 @@ pub struct gt_sensor_config {
     pub tool_weight_n: [f64; 3],
     /// c: from the tool centre point to its centre of gravity, platform axes, m; at most 10.
     pub tool_centre_m: [f64; 3],
-    /// Cut-off frequency of the low-pass, Hz, 1e-3 to 1e5.
+    /// Cut-off frequency of the low-pass, Hz, 1e-3 to 1e5, or to 0.45 / cycle_s of second order.
     pub cutoff_hz: f64,
     /// Time between two samples, s, 1e-6 to 10.
     pub cycle_s: f64,
     /// Samples of the tare, 1 to 1e6; the tool must be unloaded meanwhile.
     pub tare_samples: u32,
+    /// Order of the low-pass: 1, or 2 (Butterworth), which can have notches.
+    pub order: u32,
 }
 
 /// A force sensor.
@@ -70,10 +73,51 @@ pub unsafe extern "C" fn gt_sensor_init(
                     weight_n: config.tool_weight_n.into(),
                     centre_m: config.tool_centre_m.into(),
                 },
+                low_pass: low_pass(config.order)?,
                 cutoff_hz: config.cutoff_hz,
                 cycle_s: config.cycle_s,
                 tare_samples: config.tare_samples,
             })?)
+        })
+    }
+}
+
+/// Returns the low-pass of this order.
+fn low_pass(order: u32) -> Reply<LowPass> {
+    match order {
+        1 => Ok(LowPass::FirstOrder),
+        2 => Ok(LowPass::SecondOrder),
+        _ => Err(gt_error::new(gt_code::SensorOutOfRange)
+            .of(gt_parameter::Order)
+            .range(1.0, 2.0)),
+    }
+}
+
+/// Moves the notches behind a low-pass of second order, within 50 cycles, or at once while it is
+/// tared. A machine swings least with them at its natural frequencies where it is.
+///
+/// `hz`: three frequencies, 1e-3 to 0.45 / cycle_s; 0: no notch. Each has its place: a notch that
+/// moves stays where it is among them. `q`: of all three, 0.1 to 10; 0.7 is wide enough for
+/// frequencies that are 20 % wrong.
+///
+/// Errors: GT_CODE_SENSOR_OUT_OF_RANGE, also for a notch behind a low-pass of first order; the
+/// sensor is then unchanged.
+///
+/// cbindgen:ptrs-as-arrays=[[hz;3]]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_sensor_set_notches(
+    sensor: *mut gt_sensor,
+    hz: *const f64,
+    q: f64,
+    error: *mut gt_error,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        reply(error, || {
+            let hz: [f64; 3] = read(hz.cast())?;
+            let sensor = object_mut::<ForceSensor>(sensor)?;
+            sensor.set_notches(&hz.map(|hz| (hz != 0.0).then_some(Notch { hz, q })))?;
+            Ok(())
         })
     }
 }

@@ -444,6 +444,7 @@ static void machines(void)
     EXPECT(SENSOR_NOT_ROTATION, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     mounting.rotation[0][0] = mounting.rotation[1][1] = mounting.rotation[2][2] = 1;
     mounting.cutoff_hz = 20;
+    mounting.order = 1;
     mounting.cycle_s = 1e-3;
     EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     ABOUT(-1, TARE_SAMPLES, 0);
@@ -458,7 +459,21 @@ static void machines(void)
     OUT_OF_RANGE(tool_centre_m[0], NAN, 0, TOOL_CENTRE);
     OUT_OF_RANGE(cutoff_hz, 0, 20, CUTOFF);
     OUT_OF_RANGE(cycle_s, 0, 1e-3, CYCLE);
+    OUT_OF_RANGE(order, 0, 1, ORDER);
+    OUT_OF_RANGE(order, 3, 2, ORDER);
+    OUT_OF_RANGE(cutoff_hz, 451, 20, CUTOFF);
     EXPECT(OK, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
+    {
+        double hz[3] = {20, 0, 451};
+
+        EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_set_notches(sensor, hz, 0.7, &error));
+        ABOUT(-1, NOTCH_FREQUENCY, 0);
+        hz[2] = 47;
+        EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_set_notches(sensor, hz, 0, &error));
+        ABOUT(-1, NOTCH_Q, 0);
+        EXPECT(NULL_POINTER, gt_sensor_set_notches(sensor, NULL, 0.7, &error));
+        EXPECT(OK, gt_sensor_set_notches(sensor, hz, 0.7, &error));
+    }
     EXPECT(SENSOR_BAD_READING, gt_sensor_update(sensor, &load, &pose, &out, &taring));
     load.force_n[1] = 0;
     pose.rotation[1][1] = -1; /* a mirror */

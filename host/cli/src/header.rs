@@ -5,12 +5,14 @@ use std::str::FromStr;
 
 use gantry_tau_core::control::channel::Limits;
 use gantry_tau_core::control::session::config::AxisConfig;
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::robot::Branch;
+use gantry_tau_core::model::sensor::LowPass;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{
-    AnyRobotFile, CYCLE_US, CorrectionKind, RobotFile, Sensor, matrix,
-};
+use gantry_tau_machine::robot_file::{AnyRobotFile, CorrectionKind, RobotFile};
+use gantry_tau_machine::sensor;
+use gantry_tau_machine::stability::NotchFinder;
 use gantry_tau_system::output::{Output, WriteError};
 use nalgebra::{Matrix3, Vector3};
 
@@ -215,7 +217,7 @@ impl Header {
             &axis_of_motor,
         );
         self.springs(robot);
-        self.sensor(&robot.sensor);
+        self.sensor(robot);
         self.line("\n#endif");
     }
 
@@ -249,20 +251,47 @@ impl Header {
         self.end();
     }
 
-    fn sensor(&mut self, sensor: &Sensor) {
+    fn sensor<K: MachineKind<N>, const N: usize>(&mut self, robot: &RobotFile<K, N>) {
+        let config = sensor::config(robot);
         self.constant(
             "Force sensor: mounting, tool and filter, for one sample per cycle.",
             "gt_sensor_config",
             "sensor",
         );
-        self.field("rotation", rows(&matrix(sensor.rotation)));
-        self.field("lever_m", list(&sensor.lever_m));
-        self.field("tool_weight_n", list(&sensor.tool.weight_n));
-        self.field("tool_centre_m", list(&sensor.tool.centre_m));
-        self.field("cutoff_hz", format!("{:?}", sensor.cutoff_hz));
-        self.field("cycle_s", format!("{:?}", f64::from(CYCLE_US) * 1e-6));
-        self.field("tare_samples", sensor.tare_samples.to_string());
+        self.field("rotation", rows(&config.rotation));
+        self.field("lever_m", vector(&config.lever_m));
+        self.field("tool_weight_n", vector(&config.tool.weight_n));
+        self.field("tool_centre_m", vector(&config.tool.centre_m));
+        self.field("cutoff_hz", format!("{:?}", config.cutoff_hz));
+        self.field("cycle_s", format!("{:?}", config.cycle_s));
+        self.field("tare_samples", config.tare_samples.to_string());
+        let order = match config.low_pass {
+            LowPass::FirstOrder => 1,
+            LowPass::SecondOrder => 2,
+        };
+        self.field("order", order.to_string());
         self.end();
+        self.notches(robot);
+    }
+
+    /// Notches behind the low-pass at home.
+    fn notches<K: MachineKind<N>, const N: usize>(&mut self, robot: &RobotFile<K, N>) {
+        let home = Pose::at(robot.home_m());
+        let at_home = NotchFinder::of(robot)
+            .zip(robot.home_q().ok())
+            .and_then(|(finder, axes)| finder.at(&home, &axes));
+        let hz = at_home
+            .unwrap_or_default()
+            .map(|notch| notch.map_or(0.0, |notch| notch.hz));
+        self.array(
+            "Frequencies of the notches of the force sensor's filter with the tool at home, Hz, for gt_sensor_set_notches; 0: no notch.",
+            "double",
+            "notches_hz",
+            "3",
+            &list(&hz),
+        );
+        self.line("/* Their Q. */");
+        self.define("NOTCH_Q", format!("{:?}", robot.sensor.notch_q));
     }
 
     fn l2(&mut self, robot: &RobotFile<gantry_tau_machine::model::L2, { l2::AXES }>) {

@@ -5,16 +5,21 @@ use std::error::Error;
 
 use gantry_tau_core::control::message::Welcome;
 use gantry_tau_core::model::compensation::{CompensatorError, Correction};
+use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, SensorError};
+use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorError};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{OffsetNm, PositionNm};
 use gantry_tau_machine::model::{Compensate, MachineKind};
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError};
+use gantry_tau_machine::sensor;
+use gantry_tau_machine::stability::{FilterKind, NotchFinder};
 use nalgebra::Matrix3;
 
+use crate::notches::FollowingNotches;
+
 /// Reason why a robot file gives no compensation.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     /// It has no compliances, or the compensator refuses a parameter.
     #[error(transparent)]
@@ -28,12 +33,18 @@ pub enum SetupError {
         #[source]
         reason: SensorError,
     },
+    /// The system has no thread for the notches.
+    #[error("no thread for the notches of the filter: {0}")]
+    Thread(#[from] std::io::Error),
 }
 
 /// Tare, filter and compensation, once per cycle.
 pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
     compensator: Box<dyn Compensate<N>>,
+    /// Of a filter whose notches are at the natural frequencies of the machine.
+    notches: Option<FollowingNotches<N>>,
+    metres_per_q: [f64; N],
     /// Load of the last cycle; `None` while taring.
     load: Option<Wrench>,
     /// Turn of the platform by that load, and of the sensor on it: 2.5 mrad at 300 N on an L2,
@@ -43,7 +54,7 @@ pub struct Compensation<const N: usize> {
 
 impl<const N: usize> Compensation<N> {
     /// Creates the compensation for the machine of a robot file, within its limits and those that
-    /// the server announced.
+    /// the server announced. The notches of its filter, if it has any, are those of home.
     ///
     /// # Errors
     /// [`SetupError`], which names the parameter.
@@ -57,21 +68,27 @@ impl<const N: usize> Compensation<N> {
             limit.0 = limit.0.min(own.limits.position.max());
         }
         let compensator = robot.compensator(limits)?;
-        let sensor = ForceSensor::new(SensorConfig {
-            rotation: robot.sensor.rotation_matrix(),
-            lever_m: robot.sensor.lever_m.into(),
-            tool: robot.sensor.tool.into(),
-            cutoff_hz: robot.sensor.cutoff_hz,
-            cycle_s: f64::from(welcome.cycle_us) * 1e-6,
-            tare_samples: robot.sensor.tare_samples,
-        })
-        .map_err(|reason| SetupError::Sensor {
+        let refused = |reason| SetupError::Sensor {
             robot: robot.name.clone(),
             reason,
-        })?;
+        };
+        let mut sensor = ForceSensor::new(sensor::config(robot)).map_err(refused)?;
+        let mut notches = None;
+        if let Some(finder) = NotchFinder::of(robot)
+            && matches!(finder.filter, FilterKind::Auto { .. })
+        {
+            let home = Pose::at(robot.home_m());
+            let at_home = finder.at(&home, &robot.home_q()?);
+            sensor
+                .set_notches(&at_home.unwrap_or_default())
+                .map_err(refused)?;
+            notches = Some(FollowingNotches::start(finder, home)?);
+        }
         Ok(Self {
             sensor,
             compensator,
+            notches,
+            metres_per_q: robot.metres_per_q,
             load: None,
             turn: Matrix3::identity(),
         })
@@ -88,6 +105,7 @@ impl<const N: usize> Compensation<N> {
         nominal: &[PositionNm; N],
     ) -> Result<Correction<N>, Box<dyn Error>> {
         let pose = self.compensator.locate(nominal)?;
+        self.follow(&pose, nominal)?;
         match self.sensor.update(raw, &(self.turn * pose.rotation))? {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {
@@ -96,6 +114,19 @@ impl<const N: usize> Compensation<N> {
                 self.turn = rotation_from_vector(&turned_rad).unwrap_or_else(Matrix3::identity);
                 Ok(self.compensator.correct(&pose, nominal, &load)?)
             }
+        }
+    }
+
+    /// Takes over notches that were found for another place.
+    fn follow(&mut self, pose: &Pose, nominal: &[PositionNm; N]) -> Result<(), SensorError> {
+        let Some(following) = &mut self.notches else {
+            return Ok(());
+        };
+        let axes =
+            std::array::from_fn(|axis| nominal[axis].to_metres().0 / self.metres_per_q[axis]);
+        match following.follow(pose, &axes) {
+            Some(notches) => self.sensor.set_notches(&notches),
+            None => Ok(()),
         }
     }
 
@@ -165,8 +196,8 @@ mod tests {
         for _ in 0..robot.sensor.tare_samples {
             compensation.cycle(&unloaded, &nominal).unwrap();
         }
-        // Ten time constants of the filter.
-        for _ in 0..200 {
+        // The filter has settled.
+        for _ in 0..1000 {
             compensation.cycle(&raw, &nominal).unwrap();
         }
         let off = Vector6::from(compensation.load().to_array()) - load;

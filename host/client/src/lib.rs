@@ -31,8 +31,10 @@
 mod compensate;
 mod connection;
 pub mod force_sensor;
+mod notches;
 pub mod operator;
 mod run;
+mod stability;
 
 use std::fmt;
 use std::io;
@@ -68,6 +70,8 @@ pub struct ClientOptions<K, const N: usize> {
     pub record: Option<RecordTo>,
     /// Ask for Obtain once the sensor is tared.
     pub obtain: bool,
+    /// Obtain even with a margin of stability below the required one.
+    pub accept_unstable: bool,
 }
 
 /// Switches for other threads, and the progress of the client.

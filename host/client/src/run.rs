@@ -16,6 +16,7 @@ use gantry_tau_server::links::sensor::Sample;
 
 use super::compensate::Compensation;
 use super::connection::Connection;
+use super::stability::HomeMargin;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
 use crate::force_sensor::SensorConnection;
 
@@ -27,6 +28,9 @@ const SAMPLE_STATES: u64 = 100;
 /// States to wait for the first sample: a sensor whose places are taken by readers that read
 /// nothing has dropped them by then.
 const FIRST_SAMPLE_STATES: u64 = 3_000;
+
+/// Warning at Obtain.
+const NO_MASSES: &str = "no masses: stability in motion and contact is not known; cutoff_hz 2.0 with filter = \"second_order\" is safe for tools to 5 kg on machines like these";
 
 struct ClientSession<'a, const N: usize> {
     link: Connection<'a, N>,
@@ -44,6 +48,10 @@ struct ClientSession<'a, const N: usize> {
     states_without_sample: u64,
     held_in_a_row: u64,
     obtaining: bool,
+    margin: HomeMargin,
+    accept_unstable: bool,
+    /// Share of the correction that is asked for.
+    gain: f64,
 }
 
 /// Connects, submits, obtains, and leaves when asked to.
@@ -84,6 +92,14 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         cycle_us: Some(CYCLE_US),
         kinematics_checksum: Some(options.robot.checksum()),
     };
+    let margin = HomeMargin::of(&options.robot);
+    let is_asked = options.obtain || controls.obtain.load(Ordering::Relaxed);
+    if is_asked
+        && !options.accept_unstable
+        && let Some(reason) = margin.against(options.robot.client.gain)
+    {
+        return Err(ClientError::Setup(reason));
+    }
     let (transport, server) = (options.transport, options.server.clone());
     let mut link =
         Connection::open_unless(&controls.quit, transport, server, PATIENCE, requirements)?;
@@ -124,6 +140,9 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         states_without_sample: 0,
         held_in_a_row: 0,
         obtaining: false,
+        margin,
+        accept_unstable: options.accept_unstable,
+        gain: options.robot.client.gain,
     };
     let result = session.answer_until_done();
     let recorded = session.recorder.and_then(|recorder| recorder.finish(0));
@@ -183,9 +202,41 @@ impl<const N: usize> ClientSession<'_, N> {
         else {
             return;
         };
+        if self.controls.obtain.load(Ordering::Relaxed)
+            && let Some(reason) = self.reason_against(gain)
+        {
+            tracing::warn!("gain {gain}: {reason}");
+            return;
+        }
         match self.compensation.set_gain(gain) {
-            Ok(()) => tracing::info!("gain {gain}: the server moves the offsets within its limits"),
+            Ok(()) => {
+                self.gain = gain;
+                tracing::info!("gain {gain}: the server moves the offsets within its limits");
+            }
             Err(error) => tracing::warn!("gain {gain}: {error}"),
+        }
+    }
+
+    /// Returns the reason against this share of the correction, unless it is accepted.
+    fn reason_against(&self, gain: f64) -> Option<String> {
+        self.margin.against(gain).filter(|_| !self.accept_unstable)
+    }
+
+    /// Returns the mode to ask for: Submit until the sensor is tared, and where the compensation
+    /// may swing.
+    fn mode(&mut self) -> Mode {
+        let tared = self.compensation.is_tared();
+        self.controls.tared.store(tared, Ordering::Relaxed);
+        if !(tared && self.controls.obtain.load(Ordering::Relaxed)) {
+            return Mode::Submit;
+        }
+        match self.reason_against(self.gain).filter(|_| !self.obtaining) {
+            Some(reason) => {
+                tracing::warn!("not obtaining: {reason}");
+                self.controls.obtain.store(false, Ordering::Relaxed);
+                Mode::Submit
+            }
+            None => Mode::Obtain,
         }
     }
 
@@ -202,13 +253,7 @@ impl<const N: usize> ClientSession<'_, N> {
     }
 
     fn answer(&mut self, state: &State<N>) -> Result<(), ClientError> {
-        let tared = self.compensation.is_tared();
-        self.controls.tared.store(tared, Ordering::Relaxed);
-        let mode = if tared && self.controls.obtain.load(Ordering::Relaxed) {
-            Mode::Obtain
-        } else {
-            Mode::Submit
-        };
+        let mode = self.mode();
         let targets = self.targets.map(Offsets::position);
         let Some(answer) = self.link.answer(mode, &targets)? else {
             return Ok(());
@@ -216,6 +261,9 @@ impl<const N: usize> ClientSession<'_, N> {
         let obtaining = answer.command.mode == Mode::Obtain;
         if obtaining && !self.obtaining {
             tracing::info!("tared; obtaining: from here on the offsets act. Ctrl-C leaves");
+            if self.margin.is_unknown() {
+                tracing::warn!("{NO_MASSES}");
+            }
         } else if self.obtaining && !obtaining {
             tracing::info!(
                 "submitting: the server moves the offsets to zero; then they are computed and reported only"

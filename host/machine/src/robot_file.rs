@@ -41,7 +41,9 @@ pub use position_loop::PositionLoopKeys;
 pub use problems::{Problem, Problems};
 use read::GEOMETRY;
 use sections::Sections;
-pub use sections::{ClientKeys, Motors, Sensor, Simulation, ToolKeys};
+pub use sections::{
+    ClientKeys, DEFAULT_NOTCH_Q, DEFAULT_NOTCHES, FilterKey, Motors, Sensor, Simulation, ToolKeys,
+};
 
 /// The text of `robots/l2.toml`.
 const L2_TEXT: &str = include_str!(concat!(
@@ -305,6 +307,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         let machine = machine(&keys, &sections, &mut problems);
         let drives = check_drives(&sections, &mut problems);
         let masses = check_masses(&sections, &mut problems);
+        problems.of(&["masses", "sensor"], |problems| {
+            check::filter(&sections.sensor, sections.masses.is_some(), problems)
+        });
         check_rest::<T, N>(&sections, machine.as_ref(), &mut problems);
         let (Some(machine), Some(drives), true) = (machine, drives, problems.is_empty()) else {
             return Err(problems);

@@ -1,9 +1,10 @@
 //! Mounting of the six-axis force sensor `[T 4.2.5]`.
 
-use gantry_tau_core::model::sensor::Tool;
+use gantry_tau_core::model::sensor::{SensorConfig, Tool};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 
-use crate::robot_file::Sensor;
+use crate::robot_file::{CYCLE_US, RobotFile, Sensor};
+use crate::stability::FilterKind;
 
 /// Mounting of a sensor on the platform, at `p` from the tool centre point with axes `R_s` (sensor
 /// to platform). It shows the load on the tool, and the tool's weight, with their sign:
@@ -28,6 +29,21 @@ impl From<&Sensor> for Mounting {
             weight_n: sensor.tool.weight_n.into(),
             centre_m: sensor.tool.centre_m.into(),
         }
+    }
+}
+
+/// Returns mounting, filter and tare of the force sensor of a machine, one sample per cycle.
+#[must_use]
+pub fn config<K, const N: usize>(robot: &RobotFile<K, N>) -> SensorConfig {
+    let filter = FilterKind::of(robot);
+    SensorConfig {
+        rotation: robot.sensor.rotation_matrix(),
+        lever_m: robot.sensor.lever_m.into(),
+        tool: robot.sensor.tool.into(),
+        low_pass: filter.low_pass(),
+        cutoff_hz: filter.cutoff_hz(),
+        cycle_s: f64::from(CYCLE_US) * 1e-6,
+        tare_samples: robot.sensor.tare_samples,
     }
 }
 

@@ -18,6 +18,7 @@
 //! | [`closed_loop`] | growth of the closed loop |
 //! | [`loop_gain`] | margin against any phase of the loop |
 //! | [`filter_kind`] | what a kind of filter is in one place |
+//! | [`notch_finder`] | notches of a compensation for the places of a machine |
 //! | [`survey`] | stability over the reach of a machine |
 #![expect(
     clippy::indexing_slicing,
@@ -30,6 +31,7 @@ pub mod filter;
 pub mod filter_kind;
 pub mod linear_machine;
 pub mod loop_gain;
+pub mod notch_finder;
 pub mod survey;
 pub mod tick_map;
 
@@ -37,7 +39,8 @@ pub use closed_loop::{Growth, Loop};
 pub use filter::Filter;
 pub use filter_kind::FilterKind;
 pub use linear_machine::{Contact, LinearMachine};
-pub use loop_gain::{LoopGain, Margin};
+pub use loop_gain::{LoopGain, LoopResponse, Margin};
+pub use notch_finder::{NotchFinder, Notches};
 pub use survey::{Compensation, Place, StabilitySurvey};
 pub use tick_map::{DriveKind, TickMap};
 

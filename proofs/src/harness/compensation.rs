@@ -1,7 +1,8 @@
 //! Kani harnesses of the compensation's last step and of the force sensor.
 
 use gantry_tau_core::model::compensation::CompensatorConfig;
-use gantry_tau_core::model::sensor::{SensorConfig, SensorState, Tool};
+use gantry_tau_core::model::load_filter::SectionState;
+use gantry_tau_core::model::sensor::{LowPass, SensorConfig, SensorState, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::{Metres, OffsetNm};
 
@@ -18,6 +19,13 @@ fn any_correction_is_bounded<const N: usize>() {
         metres_per_q: kani::any(),
     };
     correction_is_bounded::<N>(&config, &kani::any(), &kani::any());
+}
+
+fn any_section() -> SectionState {
+    SectionState {
+        band: Wrench::from_array(kani::any()),
+        low: Wrench::from_array(kani::any()),
+    }
 }
 
 harnesses! {
@@ -41,6 +49,7 @@ harnesses! {
             rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
             lever_m: [0.0, 0.0, -0.08].into(),
             tool: Tool { weight_n: [0.0, 0.0, -18.0].into(), centre_m: [0.01, 0.0, -0.12].into() },
+            low_pass: LowPass::FirstOrder,
             cutoff_hz: 20.0,
             cycle_s: 1e-3,
             tare_samples: 1000,
@@ -49,6 +58,7 @@ harnesses! {
             tare_remaining: kani::any(),
             tare: Wrench::from_array(kani::any()),
             filtered: Wrench::from_array(kani::any()),
+            sections: [any_section(), any_section(), any_section(), any_section()],
         };
         let admitted = sensor_check_admits_finite(config, state);
         kani::cover!(admitted, "some states are valid");

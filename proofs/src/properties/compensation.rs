@@ -71,6 +71,10 @@ pub fn sensor_check_admits_finite(config: SensorConfig, state: SensorState) -> b
         let state = sensor.state();
         assert!(state.filtered.is_finite(), "T14: a load is finite");
         assert!(state.tare.is_finite(), "T14: a tare is finite");
+        for section in &state.sections {
+            let is_finite = section.band.is_finite() && section.low.is_finite();
+            assert!(is_finite, "T14: a filter is finite");
+        }
         assert!(
             state.tare_remaining <= config.tare_samples,
             "T14: no more samples to go than there are"

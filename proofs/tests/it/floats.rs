@@ -4,9 +4,10 @@
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::load_filter::SectionState;
 use gantry_tau_core::model::nalgebra::Matrix3;
 use gantry_tau_core::model::robot::{Branch, Compliances};
-use gantry_tau_core::model::sensor::{ForceSensor, SensorConfig, SensorState, Tool};
+use gantry_tau_core::model::sensor::{ForceSensor, LowPass, SensorConfig, SensorState, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::{OffsetNm, PositionNm};
@@ -24,7 +25,7 @@ use gantry_tau_proofs::properties::kinematics::{
 };
 use gantry_tau_proofs::properties::six_link;
 use gantry_tau_proofs::robots;
-use proptest::array::{uniform3, uniform6, uniform9};
+use proptest::array::{uniform2, uniform3, uniform4, uniform6, uniform9};
 use proptest::prelude::*;
 
 /// Any bit pattern, with an inclination to those that hurt.
@@ -133,29 +134,42 @@ fn any_sensor() -> impl Strategy<Value = ForceSensor> {
         any::<u32>(),
         six_numbers(),
         six_numbers(),
-        -3.0..5.0_f64,
+        (any::<bool>(), -3.0..5.0_f64),
+        uniform4(uniform2(uniform6(-1e9..1e9_f64))),
     )
-        .prop_map(|(tare_samples, to_go, tare, filtered, cutoff)| {
-            let config = SensorConfig {
-                rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
-                lever_m: [0.02, 10.0, -0.08].into(),
-                tool: Tool {
-                    weight_n: [-1e5, 20.0, 1e5].into(),
-                    centre_m: [10.0, -0.2, 0.0].into(),
-                },
-                cutoff_hz: 10.0_f64.powf(cutoff),
-                cycle_s: 1e-3,
-                tare_samples,
-            };
-            let tare_remaining = to_go % (tare_samples + 1);
-            let first = tare_remaining == tare_samples;
-            let state = SensorState {
-                tare_remaining,
-                tare: Wrench::from_array(if first { [0.0; 6] } else { tare }),
-                filtered: Wrench::from_array(filtered),
-            };
-            ForceSensor::from_parts(config, state).unwrap()
-        })
+        .prop_map(
+            |(tare_samples, to_go, tare, filtered, (is_first_order, cutoff), sections)| {
+                let (low_pass, highest_hz) = if is_first_order {
+                    (LowPass::FirstOrder, 1e5)
+                } else {
+                    (LowPass::SecondOrder, 450.0)
+                };
+                let config = SensorConfig {
+                    rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into(),
+                    lever_m: [0.02, 10.0, -0.08].into(),
+                    tool: Tool {
+                        weight_n: [-1e5, 20.0, 1e5].into(),
+                        centre_m: [10.0, -0.2, 0.0].into(),
+                    },
+                    low_pass,
+                    cutoff_hz: 10.0_f64.powf(cutoff).min(highest_hz),
+                    cycle_s: 1e-3,
+                    tare_samples,
+                };
+                let tare_remaining = to_go % (tare_samples + 1);
+                let first = tare_remaining == tare_samples;
+                let state = SensorState {
+                    tare_remaining,
+                    tare: Wrench::from_array(if first { [0.0; 6] } else { tare }),
+                    filtered: Wrench::from_array(filtered),
+                    sections: sections.map(|[band, low]| SectionState {
+                        band: Wrench::from_array(band),
+                        low: Wrench::from_array(low),
+                    }),
+                };
+                ForceSensor::from_parts(config, state).unwrap()
+            },
+        )
 }
 
 proptest! {

@@ -5,8 +5,9 @@ use arbitrary::Arbitrary;
 use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
+use gantry_tau_core::model::load_filter::{MAX_NOTCHES, Notch};
 use gantry_tau_core::model::robot::Compliances;
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
+use gantry_tau_core::model::sensor::{ForceSensor, LowPass, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::OffsetNm;
@@ -23,6 +24,8 @@ pub struct Loads {
     pub gain: u8,
     /// Cut-off of the sensor, Hz.
     pub cutoff_hz: u16,
+    /// Notches, tenths of a hertz, 0 for none, behind a low-pass of second order.
+    pub notches: Option<[u16; MAX_NOTCHES]>,
     /// Limits of the offsets, nm.
     pub limits: [i32; 6],
     /// Metres per unit of `q`; of any bits.
@@ -60,6 +63,13 @@ impl Loads {
         f64::from(self.step[axis]) * 1e-4
     }
 
+    fn notches(&self) -> [Option<Notch>; MAX_NOTCHES] {
+        self.notches.unwrap_or_default().map(|tenths| {
+            let hz = f64::from(tenths.min(4_500)) * 0.1;
+            (tenths > 0).then_some(Notch { hz, q: 0.7 })
+        })
+    }
+
     /// Loads of the compensation: the readings, raw and as the sensor passes them.
     fn loads(&self) -> Vec<Wrench> {
         let mut sensor = ForceSensor::new(SensorConfig {
@@ -69,7 +79,16 @@ impl Loads {
                 weight_n: [0.0, 0.0, -49.0].into(),
                 centre_m: [0.01, 0.0, -0.12].into(),
             },
-            cutoff_hz: f64::from(self.cutoff_hz.max(1)),
+            low_pass: if self.notches.is_some() {
+                LowPass::SecondOrder
+            } else {
+                LowPass::FirstOrder
+            },
+            cutoff_hz: if self.notches.is_some() {
+                f64::from(self.cutoff_hz.clamp(1, 450))
+            } else {
+                f64::from(self.cutoff_hz.max(1))
+            },
             cycle_s: 1e-3,
             tare_samples: 1,
         })
@@ -77,7 +96,12 @@ impl Loads {
         let turn = [3, 4, 5].map(|axis| 100.0 * self.step(axis));
         let platform = rotation_from_vector(&turn.into()).unwrap_or_default();
         let mut loads = Vec::new();
-        for raw in self.wrenches.iter().copied().map(Wrench::from_array) {
+        for (number, raw) in self.wrenches.iter().copied().enumerate() {
+            let raw = Wrench::from_array(raw);
+            // While it is tared, and again when it runs.
+            if number < 4 {
+                sensor.set_notches(&self.notches()).unwrap();
+            }
             sensor_stays_valid(&sensor, &raw, &platform);
             sensor_takes_good_readings(&sensor, &raw, &platform);
             loads.push(raw);

@@ -79,6 +79,7 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
         robot: robot.clone(),
         record: Some(client_file),
         obtain: true,
+        accept_unstable: false,
     };
     let shared = Arc::clone(&controls);
     let taken = Arc::new(AtomicU64::new(0));

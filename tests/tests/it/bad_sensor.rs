@@ -97,6 +97,7 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
         robot,
         record: None,
         obtain: true,
+        accept_unstable: false,
     };
     let controls = Arc::new(ClientControls::default());
     let told = Arc::clone(&controls);

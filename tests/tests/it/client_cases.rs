@@ -71,6 +71,7 @@ fn compensates_with(bytes: [(usize, u32); 2]) -> ClientError {
         robot: RobotFile::builtin_l2().unwrap(),
         record: None,
         obtain: true,
+        accept_unstable: false,
     };
     let error = gantry_tau_client::run(&options, &ClientControls::default()).unwrap_err();
     serving.join().unwrap();

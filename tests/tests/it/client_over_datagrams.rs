@@ -98,6 +98,7 @@ fn every_state_is_answered_once() {
         robot,
         record: None,
         obtain: false,
+        accept_unstable: false,
     };
     let controls = ClientControls::default();
     std::thread::scope(|scope| {

@@ -48,6 +48,9 @@ pub(crate) struct Client {
     /// Stay in Submit: offsets are computed and reported, but do not reach the drives
     #[arg(long)]
     submit_only: bool,
+    /// Obtain even if the compensation may swing: with a margin of stability below 2 at home
+    #[arg(long)]
+    accept_unstable: bool,
     #[command(flatten)]
     recording: ClientRecording,
 }
@@ -67,6 +70,7 @@ impl MachineCommand for Client {
             robot,
             record: self.recording.to(),
             obtain: false,
+            accept_unstable: self.accept_unstable,
         };
         // Before the operator is heard, whose word comes later.
         controls.obtain.store(!self.submit_only, Ordering::Relaxed);

@@ -3,11 +3,11 @@
 use std::process::ExitCode;
 
 use crate::terminal::{Progress, say};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use gantry_tau_machine::drive_cascade::{POSITION_GAIN, VELOCITY_INTEGRAL_S};
 use gantry_tau_machine::dynamics::MassiveMachine;
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
 use gantry_tau_machine::stability::survey::{MIN_MARGIN, MIN_MARGIN_PER_AXIS};
 use gantry_tau_machine::stability::{
     Compensation, Contact, DriveKind, FilterKind, Place, StabilitySurvey,
@@ -57,9 +57,10 @@ pub(crate) struct Stability {
     /// delays of [drives]
     #[arg(long, value_name = "CYCLES", value_parser = clap::value_parser!(u8).range(3..=50))]
     latency: Option<u8>,
-    /// Filter of the load; the client of this version has the first one
-    #[arg(long, value_name = "KIND", value_enum, default_value_t = FilterOption::FirstOrder)]
-    filter: FilterOption,
+    /// Filter of the load, low-pass of first or second order, or the latter with notches at the modes
+    /// of each place that the loop feels most; the default is that of the robot file
+    #[arg(long, value_name = "first-order|second-order|auto", value_parser = filter)]
+    filter: Option<FilterKey>,
     /// Cut-off of the filter, Hz; the default is that of the robot file
     #[arg(long, value_name = "HZ", value_parser = within(0.01, 450.0))]
     cutoff: Option<f64>,
@@ -71,15 +72,13 @@ pub(crate) struct Stability {
     json: Option<Output>,
 }
 
-/// Kind of filter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum FilterOption {
-    /// Low-pass of first order
-    FirstOrder,
-    /// Butterworth low-pass of second order
-    SecondOrder,
-    /// The same with two notches (Q 0.7) at the modes of each place that the loop feels most
-    Auto,
+fn filter(text: &str) -> Result<FilterKey, String> {
+    match text {
+        "first-order" => Ok(FilterKey::FirstOrder),
+        "second-order" => Ok(FilterKey::SecondOrder),
+        "auto" => Ok(FilterKey::Auto),
+        _ => Err("expected first-order, second-order or auto".to_owned()),
+    }
 }
 
 fn within(lower: f64, upper: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
@@ -140,15 +139,8 @@ impl Stability {
             let reason = format!("is {cutoff_hz}; a filter is judged from 0.01 to 450 Hz");
             return Err(robot.refuse("sensor.cutoff_hz", reason).into());
         }
-        let filter = match self.filter {
-            FilterOption::FirstOrder => FilterKind::FirstOrder { cutoff_hz },
-            FilterOption::SecondOrder => FilterKind::SecondOrder { cutoff_hz },
-            FilterOption::Auto => FilterKind::Auto {
-                cutoff_hz,
-                notches: 2,
-                notch_q: 0.7,
-            },
-        };
+        let key = self.filter.or(robot.sensor.filter);
+        let filter = FilterKind::of_keys(key.unwrap_or(FilterKey::Auto), cutoff_hz, &robot.sensor);
         let of_drives = robot.drives.as_ref().map_or(1, |drives| {
             1 + usize::from(drives.command_delay_cycles) + usize::from(drives.actual_delay_cycles)
         });

@@ -156,6 +156,7 @@ where
         robot: options.client.clone(),
         record: options.record.clone(),
         obtain: false,
+        accept_unstable: false,
     };
     let shared = Arc::clone(&controls);
     let client = std::thread::Builder::new()

@@ -51,7 +51,7 @@ fn every_error_has_a_line_with_its_key_and_reason() {
     let text = text_of("l2").unwrap();
     let changes = [
         ("gain = 1.0", "gian = 1.0"),
-        ("cutoff_hz = 20.0", "cutoff_hz = -20.0"),
+        ("cutoff_hz = 6.0", "cutoff_hz = -20.0"),
         ("axis_of_motor = [0, 1, 2]", "axis_of_motor = [0, 1, 1]"),
         ("seed = 2013", "seed = \"first\""),
     ];

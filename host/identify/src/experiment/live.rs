@@ -141,6 +141,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         robot,
         record: None,
         obtain,
+        accept_unstable: false,
     };
     let mut was_granted = false;
     while !campaign.is_done() && !quit.load(Ordering::Relaxed) {

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use gantry_tau_core::model::linalg::rotation_from_vector;
-use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig, Tool};
+use gantry_tau_core::model::sensor::{ForceSensor, LowPass, Reading, SensorConfig, Tool};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_test_support::seeds::Seeds;
 use nalgebra::{DMatrix, Vector3};
@@ -95,6 +95,7 @@ fn a_sensor_with_the_tool_sees_no_load_however_it_is_turned() {
         rotation,
         lever_m,
         tool: found.tool,
+        low_pass: LowPass::FirstOrder,
         cutoff_hz: 1e5,
         cycle_s: 10.0,
         tare_samples: 1,

@@ -18,8 +18,9 @@
 use std::fmt;
 
 use gantry_tau_core::model::f1;
+use gantry_tau_core::model::kinematics::Pose as RigidPose;
 use gantry_tau_core::model::robot::LINKS;
-use nalgebra::{Matrix6, Matrix6x3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Matrix6x3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::backlash::Backlash;
 use super::compliances::RawCompliances;
@@ -43,6 +44,16 @@ pub struct Pose {
     /// Platform axes to world axes. A unit quaternion: it cannot drift away from a rotation over
     /// millions of warm starts.
     pub rotation: UnitQuaternion<f64>,
+}
+
+impl From<&RigidPose> for Pose {
+    fn from(pose: &RigidPose) -> Self {
+        let rotation = Rotation3::from_matrix_unchecked(pose.rotation);
+        Self {
+            translation_m: pose.position_m,
+            rotation: UnitQuaternion::from_rotation_matrix(&rotation),
+        }
+    }
 }
 
 /// Pose under load, with the forces that hold it.

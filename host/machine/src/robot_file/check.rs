@@ -4,12 +4,13 @@ use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
 use gantry_tau_core::control::message::AxisLimits;
 use gantry_tau_core::control::session::config::{AxisConfig, Travel};
 use gantry_tau_core::model::linalg::rotation_deviation;
-use gantry_tau_core::model::sensor::{MAX_LEVER_M, MAX_WEIGHT_N};
+use gantry_tau_core::model::load_filter::{MAX_FREQUENCY, MAX_NOTCHES};
+use gantry_tau_core::model::sensor::{MAX_LEVER_M, MAX_WEIGHT_N, NOTCH_Q};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 
 use super::problems::{Problem, Problems};
 use super::sections::{Axes, Each};
-use super::{Keys, Motors, Sensor, Simulation};
+use super::{CYCLE_US, FilterKey, Keys, Motors, Sensor, Simulation};
 
 /// Largest deviation of `metres_per_q`, the length of a unit of `q` by the drive's count, from
 /// `|v_i|`, which calibration finds; relative. More is a wrong unit.
@@ -18,6 +19,8 @@ const SCALE_TOLERANCE: f64 = 0.01;
 const COMPLIANCE_M_PER_N: (f64, f64) = (1e-13, 1e-2);
 /// Largest distance of a micrometre value from a whole nanometre, nm: rounding of the decimal.
 const WHOLE_NM_TOLERANCE: f64 = 1e-3;
+/// Highest cut-off of a low-pass of first order, Hz.
+const MAX_CUTOFF_HZ: f64 = 1e5;
 /// Largest number of motors.
 const MAX_MOTORS: usize = 32;
 
@@ -280,8 +283,48 @@ pub(super) fn sensor(sensor: &Sensor, problems: &mut Problems) {
             problems.range(&format!("sensor.{key}[{index}]"), value, -most, most);
         }
     }
-    problems.range("sensor.cutoff_hz", sensor.cutoff_hz, 1e-3, 1e5);
+    let highest_hz = if sensor.filter == Some(FilterKey::FirstOrder) || sensor.filter.is_none() {
+        MAX_CUTOFF_HZ
+    } else {
+        highest_hz()
+    };
+    problems.range("sensor.cutoff_hz", sensor.cutoff_hz, 1e-3, highest_hz);
+    problems.range(
+        "sensor.notches",
+        sensor.notches.into(),
+        0.0,
+        MAX_NOTCHES as f64,
+    );
+    problems.range("sensor.notch_q", sensor.notch_q, NOTCH_Q.0, NOTCH_Q.1);
     problems.range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6);
+}
+
+/// Checks the filter of the load with the presence of `[masses]`.
+pub(super) fn filter(sensor: &Sensor, has_masses: bool, problems: &mut Problems) {
+    match sensor.filter {
+        Some(FilterKey::Auto) if !has_masses => {
+            let reason = "is \"auto\", which needs a section [masses]";
+            problems.add("sensor.filter", reason);
+        }
+        // What no filter has was refused before.
+        None if has_masses
+            && sensor.cutoff_hz > highest_hz()
+            && sensor.cutoff_hz <= MAX_CUTOFF_HZ =>
+        {
+            let reason = format!(
+                "is {}; with [masses] the filter is \"auto\", and its cut-off at most {} Hz",
+                sensor.cutoff_hz,
+                highest_hz()
+            );
+            problems.add("sensor.cutoff_hz", reason);
+        }
+        _ => {}
+    }
+}
+
+/// Highest cut-off of a low-pass of second order, Hz.
+fn highest_hz() -> f64 {
+    MAX_FREQUENCY / (f64::from(CYCLE_US) * 1e-6)
 }
 
 pub(super) fn simulation(simulation: &Simulation, problems: &mut Problems) {

@@ -171,10 +171,46 @@ pub struct Sensor {
     /// Tool that the sensor carries; without it the weight is part of the tare.
     #[serde(default)]
     pub tool: ToolKeys,
+    /// Filter of the load; absent: [`FilterKey::Auto`] with `[masses]`, else
+    /// [`FilterKey::FirstOrder`].
+    pub filter: Option<FilterKey>,
     /// Cut-off of the low-pass, Hz.
     pub cutoff_hz: f64,
+    /// Number of notches of [`FilterKey::Auto`], at most
+    /// [`MAX_NOTCHES`](gantry_tau_core::model::load_filter::MAX_NOTCHES).
+    #[serde(default = "default_notches")]
+    pub notches: u8,
+    /// Their Q.
+    #[serde(default = "default_notch_q")]
+    pub notch_q: f64,
     /// Samples that the tare averages.
     pub tare_samples: u32,
+}
+
+/// Filter of the load.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterKey {
+    /// Low-pass of first order.
+    FirstOrder,
+    /// Butterworth low-pass of second order.
+    SecondOrder,
+    /// The same with notches at the natural frequencies of the machine where it is; needs
+    /// `[masses]`.
+    Auto,
+}
+
+/// Number of notches by default.
+pub const DEFAULT_NOTCHES: u8 = 2;
+/// Q of a notch by default: wide enough for frequencies that are 20 % wrong.
+pub const DEFAULT_NOTCH_Q: f64 = 0.7;
+
+fn default_notches() -> u8 {
+    DEFAULT_NOTCHES
+}
+
+fn default_notch_q() -> f64 {
+    DEFAULT_NOTCH_Q
 }
 
 /// `[sensor.tool]`: the weight that the sensor carries.

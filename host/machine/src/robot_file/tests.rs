@@ -226,7 +226,23 @@ fn every_error_names_its_key() {
             "motors.axis_of_motor",
         ),
         ("[0.0, -1.0, 0.0]", "[0.0, 1.0, 0.0]", "sensor.rotation"),
-        ("cutoff_hz = 20.0", "cutoff_hz = inf", "sensor.cutoff_hz"),
+        ("cutoff_hz = 6.0", "cutoff_hz = inf", "sensor.cutoff_hz"),
+        ("cutoff_hz = 6.0", "cutoff_hz = 451.0", "sensor.cutoff_hz"),
+        (
+            "cutoff_hz = 6.0",
+            "cutoff_hz = 451.0\nfilter = \"second_order\"",
+            "sensor.cutoff_hz",
+        ),
+        (
+            "cutoff_hz = 6.0",
+            "cutoff_hz = 6.0\nnotches = 4",
+            "sensor.notches",
+        ),
+        (
+            "cutoff_hz = 6.0",
+            "cutoff_hz = 6.0\nnotch_q = 0.0",
+            "sensor.notch_q",
+        ),
     ];
     let f1 = [
         ("sigma4 = -1", "sigma4 = 0", "sigma4"),
@@ -296,7 +312,7 @@ fn all_errors_of_all_sections_are_found_at_once() {
             ("ramp_um = [0.1", "ramp_um = [0.1005"),
             ("max_permille = [50", "max_permille = [-1"),
             ("axis_of_motor = [0, 1, 2]", "axis_of_motor = [0, 0, 0]"),
-            ("cutoff_hz = 20.0", "cutoff_hz = inf"),
+            ("cutoff_hz = 6.0", "cutoff_hz = inf"),
             ("gain = 1.0", "gain = 1.1"),
             ("spring_deviation = 0.03", "spring_deviation = 1.0"),
             ("jump_gap_m = 40.0e-6", "jump_gap_m = nan"),
@@ -330,7 +346,7 @@ fn what_cannot_be_read_hides_no_other_error() {
             ("cf = -1", ""),
             ("L = [1.0, 1.1, 1.0]", "L = [1.0]"),
             ("gain = 1.0", "gian = 1.0"),
-            ("cutoff_hz = 20.0", "cutoff_hz = \"low\""),
+            ("cutoff_hz = 6.0", "cutoff_hz = \"low\""),
             ("tare_samples = 1000", "tare_samples = -3"),
             ("seed = 2013", ""),
             ("max_um = [2000.0", "max_um = [\"far\""),

@@ -47,9 +47,9 @@ struct Radii {
     per_axis: f64,
 }
 
-/// Gain of a loop, without filter and latency.
+/// Response of a loop to a frequency, without filter and latency.
 #[derive(Clone, Debug)]
-pub struct LoopGain {
+pub struct LoopResponse {
     /// `A` in Hessenberg form, which a frequency is solved fast with.
     hessenberg: DMatrix<f64>,
     previous: DMatrix<f64>,
@@ -57,22 +57,30 @@ pub struct LoopGain {
     offsets: DMatrix<f64>,
     /// `P` times the direct part of the reading, N x N.
     direct: DMatrix<f64>,
+}
+
+/// Gain of a loop over all frequencies, without filter and latency.
+#[derive(Clone, Debug)]
+pub struct LoopGain {
+    response: LoopResponse,
     /// Ascending.
     curve: Vec<Radii>,
 }
 
-impl LoopGain {
-    /// Gain of a machine's correction. `None` if eigenvalues are not found.
+impl LoopResponse {
+    /// Response of a machine's correction. `None` of a map that is not finite.
     #[must_use]
     pub fn of<const N: usize>(machine: &LinearMachine<N>, map: &TickMap) -> Option<Self> {
         Self::with(map, &machine.correction)
     }
 
-    /// Gain of a map and a correction `P`, N x 6.
-    pub(super) fn with(map: &TickMap, correction: &DMatrix<f64>) -> Option<Self> {
+    /// Response of a map and a correction `P`, N x 6.
+    fn with(map: &TickMap, correction: &DMatrix<f64>) -> Option<Self> {
         let mut offsets = correction * &map.reading;
-        // Finite, so that balancing ends.
-        let frequencies = frequencies(&map.state)?;
+        // Balancing would not end.
+        if !map.state.iter().all(|entry| entry.is_finite()) {
+            return None;
+        }
         let mut balanced = map.state.clone();
         let scale = balance_parlett_reinsch(&mut balanced);
         let (basis, hessenberg) = Hessenberg::new(balanced).unpack();
@@ -86,42 +94,19 @@ impl LoopGain {
         for (mut column, factor) in offsets.column_iter_mut().zip(scale.iter()) {
             column *= *factor;
         }
-        let mut gain = Self {
+        Some(Self {
             previous,
             current,
             offsets: offsets * &basis,
             direct: correction * &map.direct,
             hessenberg,
-            curve: Vec::new(),
-        };
-        gain.curve = frequencies
-            .into_iter()
-            .map(|hz| gain.radii(hz))
-            .collect::<Option<_>>()?;
-        Some(gain)
-    }
-
-    /// Returns the margin of the loop with a filter. `None` if eigenvalues are not found.
-    #[must_use]
-    pub fn margin(&self, filter: &Filter) -> Option<Margin> {
-        let (most, hz) = self.peak(|radii| radii.shared * filter.gain(radii.hz))?;
-        let (most_per_axis, _) = self.peak(|radii| radii.per_axis * filter.gain(radii.hz))?;
-        Some(Margin {
-            any_phase: most.recip(),
-            hz,
-            phase_per_axis: most_per_axis.recip(),
         })
     }
 
-    /// Returns the largest value over all frequencies, and its frequency, Hz.
-    fn peak(&self, value: impl Fn(&Radii) -> f64) -> Option<(f64, f64)> {
-        let all = self.curve.iter().map(|radii| (value(radii), radii.hz));
-        all.max_by(|one, other| one.0.total_cmp(&other.0))
-    }
-
-    /// Returns the spectral radius at a frequency, without filter.
-    pub(super) fn radius(&self, hz: f64) -> Option<f64> {
-        self.radii(hz).map(|radii| radii.shared)
+    /// Returns the spectral radius at a frequency. `None` if eigenvalues are not found.
+    #[must_use]
+    pub fn radius(&self, hz: f64) -> Option<f64> {
+        eigenvalues::spectral_radius(self.at(hz))
     }
 
     fn radii(&self, hz: f64) -> Option<Radii> {
@@ -148,6 +133,47 @@ impl LoopGain {
         let states = solve_shifted(&self.hessenberg, z, pushed);
         let earlier = Complex::from(1.0) - back;
         self.offsets.map(Complex::from) * states + self.direct.map(|entry| earlier * entry)
+    }
+}
+
+impl LoopGain {
+    /// Gain of a machine's correction. `None` if eigenvalues are not found.
+    #[must_use]
+    pub fn of<const N: usize>(machine: &LinearMachine<N>, map: &TickMap) -> Option<Self> {
+        Self::with(map, &machine.correction)
+    }
+
+    /// Gain of a map and a correction `P`, N x 6.
+    pub(super) fn with(map: &TickMap, correction: &DMatrix<f64>) -> Option<Self> {
+        let response = LoopResponse::with(map, correction)?;
+        let curve = (frequencies(&map.state)?.into_iter())
+            .map(|hz| response.radii(hz))
+            .collect::<Option<_>>()?;
+        Some(Self { response, curve })
+    }
+
+    /// Returns the response to a frequency.
+    #[must_use]
+    pub const fn response(&self) -> &LoopResponse {
+        &self.response
+    }
+
+    /// Returns the margin of the loop with a filter. `None` if eigenvalues are not found.
+    #[must_use]
+    pub fn margin(&self, filter: &Filter) -> Option<Margin> {
+        let (most, hz) = self.peak(|radii| radii.shared * filter.gain(radii.hz))?;
+        let (most_per_axis, _) = self.peak(|radii| radii.per_axis * filter.gain(radii.hz))?;
+        Some(Margin {
+            any_phase: most.recip(),
+            hz,
+            phase_per_axis: most_per_axis.recip(),
+        })
+    }
+
+    /// Returns the largest value over all frequencies, and its frequency, Hz.
+    fn peak(&self, value: impl Fn(&Radii) -> f64) -> Option<(f64, f64)> {
+        let all = self.curve.iter().map(|radii| (value(radii), radii.hz));
+        all.max_by(|one, other| one.0.total_cmp(&other.0))
     }
 }
 

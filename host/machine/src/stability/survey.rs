@@ -1,8 +1,9 @@
 //! Stability of a compensation over the reach of a machine.
 
 use gantry_tau_core::model::kinematics::Pose as RigidPose;
+use gantry_tau_core::model::load_filter::Notch;
 use gantry_tau_core::model::robot::ARMS;
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, Vector3};
 
 use super::{
     Contact, DriveKind, Filter, FilterKind, Growth, LinearMachine, Loop, LoopGain, Margin, TickMap,
@@ -52,6 +53,7 @@ pub struct Place<const N: usize> {
     pub wrong_modes_margin: Margin,
     machine: LinearMachine<N>,
     map: TickMap,
+    notches: Vec<Notch>,
     filter: Filter,
 }
 
@@ -79,9 +81,10 @@ impl<const N: usize> Place<N> {
         machine.correction *= compensation.gain;
         let map = TickMap::of(&machine, &compensation.drives);
         let gain = LoopGain::of(&machine, &map)?;
-        let designed = |factor: f64| compensation.filter.designed(&machine, &gain, factor);
-        let filter = designed(1.0)?;
-        let [low, high] = WRONG_MODES.map(|factor| gain.margin(&designed(factor)?));
+        let notches = compensation.filter.notches(&machine, gain.response())?;
+        let filter = compensation.filter.with(&notches, 1.0);
+        let [low, high] =
+            WRONG_MODES.map(|factor| gain.margin(&compensation.filter.with(&notches, factor)));
         let (low, high) = (low?, high?);
         Some(Self {
             pose: *pose,
@@ -97,8 +100,15 @@ impl<const N: usize> Place<N> {
             },
             machine,
             map,
+            notches,
             filter,
         })
+    }
+
+    /// Returns the notches of the filter here, lowest first.
+    #[must_use]
+    pub fn notches(&self) -> &[Notch] {
+        &self.notches
     }
 
     /// Returns the filter here.
@@ -154,7 +164,7 @@ impl<const N: usize> StabilitySurvey<N> {
     ) -> Option<Self> {
         let home_pose = RigidPose::at(robot.home_m());
         let home_axes = robot.model.axes_for(&home_pose).ok()?;
-        let at_home = elastic_pose(&home_pose);
+        let at_home = Pose::from(&home_pose);
         let home = Place::of(machine, &at_home, &home_axes, compensation)?;
         let softest = softness(machine, &at_home, &home_axes)?.map(|home| MAX_COMPLIANT * home);
         let mut places = Vec::new();
@@ -164,7 +174,7 @@ impl<const N: usize> StabilitySurvey<N> {
             let Ok(axes) = robot.model.axes_for(&pose) else {
                 continue;
             };
-            let pose = elastic_pose(&pose);
+            let pose = Pose::from(&pose);
             match softness(machine, &pose, &axes) {
                 Some(soft) if soft[0] <= softest[0] && soft[1] <= softest[1] => {
                     places.extend(Place::of(machine, &pose, &axes, compensation));
@@ -233,15 +243,6 @@ fn poses<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Vec<Rigi
         }));
     }
     poses
-}
-
-fn elastic_pose(pose: &RigidPose) -> Pose {
-    Pose {
-        translation_m: pose.position_m,
-        rotation: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(
-            pose.rotation,
-        )),
-    }
 }
 
 /// Returns the largest displacement of the tool per force, m/N, and the largest turn of the

@@ -8,7 +8,7 @@ use gantry_tau_core::model::compensation::CompensatorConfig;
 use gantry_tau_core::model::nalgebra::{Matrix3, Vector3};
 pub(crate) use gantry_tau_core::model::presets::F1_METRES_PER_Q;
 use gantry_tau_core::model::robot::{Compliances, RobotError};
-use gantry_tau_core::model::sensor::{SensorConfig, Tool};
+use gantry_tau_core::model::sensor::{LowPass, SensorConfig, Tool};
 use gantry_tau_core::model::{f1, l2, presets};
 use gantry_tau_core::units::OffsetNm;
 
@@ -43,6 +43,7 @@ pub(crate) fn sensor() -> SensorConfig {
             weight_n: Vector3::new(0.0, 0.0, -18.0),
             centre_m: Vector3::new(0.01, 0.0, -0.12),
         },
+        low_pass: LowPass::FirstOrder,
         cutoff_hz: 20.0,
         cycle_s: 1e-3,
         tare_samples: 100,

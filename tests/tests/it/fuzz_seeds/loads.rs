@@ -5,7 +5,7 @@ use gantry_tau_tests::fuzzed::Loads;
 use super::Seed;
 use super::bytes::{fields, seeds};
 
-fields!(Loads: gain, cutoff_hz, limits, scales, step, lost, wrenches);
+fields!(Loads: gain, cutoff_hz, notches, limits, scales, step, lost, wrenches);
 
 const PUSH: [f64; 6] = [360.0, -50.0, 12.0, 3.0, -2.0, 1.0];
 
@@ -13,6 +13,7 @@ fn none() -> Loads {
     Loads {
         gain: 4,
         cutoff_hz: 10,
+        notches: None,
         limits: [200_000; 6],
         scales: [1.0; 6],
         step: [0; 6],
@@ -35,6 +36,7 @@ pub(crate) fn seeds() -> Vec<Seed> {
     seeds! {
         "no_load" => none();
         "a_push_of_360_n" => pushed(PUSH);
+        "a_push_and_notches" => Loads { notches: Some([207, 476, 0]), ..pushed(PUSH) };
         "nan_force" => pushed([f64::NAN; 6]);
         "nan_moment" => pushed(no_moment);
         "infinite" => pushed([f64::NEG_INFINITY; 6]);

@@ -165,6 +165,7 @@ impl Lockstep {
             robot: robot(),
             record: None,
             obtain: true,
+            accept_unstable: false,
         };
         let controls = Arc::new(ClientControls::default());
         let switches = Arc::clone(&controls);

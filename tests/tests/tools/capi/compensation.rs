@@ -11,7 +11,9 @@ use gantry_tau_core::model::statics::{LineMatrix, Wrench};
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{CYCLE_US, CorrectionKind, RobotFile};
+use gantry_tau_machine::robot_file::{CorrectionKind, RobotFile};
+use gantry_tau_machine::sensor;
+use gantry_tau_machine::stability::NotchFinder;
 use libtest_mimic::Failed;
 use nalgebra::{Matrix3, Vector3};
 
@@ -236,16 +238,16 @@ fn six_axes(text: &mut String) {
 
 /// Two samples of tare, then 48 of the load.
 fn sensor(text: &mut String) {
-    let keys = RobotFile::builtin_l2().unwrap().sensor;
+    let robot = RobotFile::builtin_l2().unwrap();
     let mut sensor = ForceSensor::new(SensorConfig {
-        rotation: Matrix3::from(keys.rotation).transpose(),
-        lever_m: keys.lever_m.into(),
-        tool: keys.tool.into(),
-        cutoff_hz: keys.cutoff_hz,
-        cycle_s: f64::from(CYCLE_US) * 1e-6,
         tare_samples: 2,
+        ..sensor::config(&robot)
     })
     .unwrap();
+    let home = Pose::at(robot.home_m());
+    let finder = NotchFinder::of(&robot).unwrap();
+    let notches = finder.at(&home, &robot.home_q().unwrap()).unwrap();
+    sensor.set_notches(&notches).unwrap();
     let mut load = Wrench::zero();
     for sample in 0..50 {
         let force = if sample < 2 { 1.0 } else { 11.0 };

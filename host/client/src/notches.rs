@@ -1,0 +1,72 @@
+//! Notches of the force sensor's filter, which follow the machine.
+//!
+//! The natural frequencies of a machine change with its place. The notches for another place are
+//! found in a thread of their own: a cycle has no time for it.
+
+use std::io;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_machine::stability::{NotchFinder, Notches};
+
+/// Translation after which the notches are found again, m.
+const MOVED_M: f64 = 0.01;
+/// Largest change of an entry of the rotation matrix after which they are found again.
+const TURNED_RAD: f64 = 0.01;
+
+/// A place of a machine: pose of the platform, and axes, q-units.
+type Place<const N: usize> = (Pose, [f64; N]);
+
+/// Notches that follow a machine.
+#[derive(Debug)]
+pub(crate) struct FollowingNotches<const N: usize> {
+    /// Place of the notches in use, or of those that are being found.
+    last: Pose,
+    places: SyncSender<Place<N>>,
+    found: Receiver<Notches>,
+}
+
+impl<const N: usize> FollowingNotches<N> {
+    /// Starts the thread, which ends with this value. The notches in use are those of `home`.
+    ///
+    /// # Errors
+    /// The system has no thread.
+    pub(crate) fn start(finder: NotchFinder<N>, home: Pose) -> io::Result<Self> {
+        let (places, asked) = sync_channel::<Place<N>>(1);
+        let (answers, found) = sync_channel(1);
+        let find = move || {
+            for (pose, axes) in asked {
+                // Where the machine has no natural frequencies the notches stay as they are.
+                if let Some(notches) = finder.at(&pose, &axes)
+                    && answers.send(notches).is_err()
+                {
+                    return;
+                }
+            }
+        };
+        thread::Builder::new()
+            .name("notches".to_owned())
+            .spawn(find)?;
+        Ok(Self {
+            last: home,
+            places,
+            found,
+        })
+    }
+
+    /// Tells the place of the machine. Returns notches that were found since.
+    pub(crate) fn follow(&mut self, pose: &Pose, axes: &[f64; N]) -> Option<Notches> {
+        // If the thread is busy, it is asked again in the next cycle.
+        if has_moved(&self.last, pose) && self.places.try_send((*pose, *axes)).is_ok() {
+            self.last = *pose;
+        }
+        self.found.try_recv().ok()
+    }
+}
+
+fn has_moved(last: &Pose, now: &Pose) -> bool {
+    let moved_m = (now.position_m - last.position_m).norm();
+    let turned = (now.rotation - last.rotation).amax();
+    moved_m >= MOVED_M || turned >= TURNED_RAD
+}

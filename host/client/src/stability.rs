@@ -1,0 +1,77 @@
+//! Stability of the compensation, judged before it acts.
+
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_machine::stability::survey::MIN_MARGIN;
+use gantry_tau_machine::stability::{Compensation, NotchFinder, Place};
+
+/// Smallest margin of a loop at home.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct HomeMargin {
+    /// Against any phase, with all of the correction; `None` without masses.
+    whole: Option<f64>,
+    robot: String,
+}
+
+impl HomeMargin {
+    /// Margin of a robot file's machine with its filter.
+    pub(crate) fn of<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Self {
+        Self {
+            whole: margin(robot),
+            robot: robot.name.clone(),
+        }
+    }
+
+    /// True if nothing is known: the robot file has no masses.
+    pub(crate) const fn is_unknown(&self) -> bool {
+        self.whole.is_none()
+    }
+
+    /// Returns the reason against this share of the correction, 0 to 1.
+    pub(crate) fn against(&self, gain: f64) -> Option<String> {
+        let margin = self.whole? / gain;
+        (margin < MIN_MARGIN).then(|| {
+            format!(
+                "{}: the compensation may swing: its margin at home is {margin:.2}, and {MIN_MARGIN} is required; see `gantry-tau stability`, or use --accept-unstable",
+                self.robot
+            )
+        })
+    }
+}
+
+fn margin<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Option<f64> {
+    let finder = NotchFinder::of(robot)?;
+    let pose = Pose::at(robot.home_m());
+    let compensation = Compensation {
+        filter: finder.filter,
+        drives: finder.drives,
+        latency_cycles: 1,
+        gain: 1.0,
+    };
+    let axes = robot.home_q().ok()?;
+    // A machine without natural frequencies at home has no margin there.
+    let place = Place::of(&finder.machine, &(&pose).into(), &axes, &compensation);
+    Some(place.map_or(0.0, |place| place.margin.any_phase))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_has_a_margin_and_the_first_order_does_not() {
+        let mut robot = RobotFile::builtin_l2().unwrap();
+        let margin = HomeMargin::of(&robot);
+        assert_eq!(margin.against(1.0), None);
+        robot.sensor.filter = Some(gantry_tau_machine::robot_file::FilterKey::FirstOrder);
+        robot.sensor.cutoff_hz = 20.0;
+        let margin = HomeMargin::of(&robot);
+        let reason = margin.against(1.0).unwrap();
+        assert!(reason.contains("`gantry-tau stability`"), "{reason}");
+        assert_eq!(margin.against(0.01), None);
+        robot.masses = None;
+        let margin = HomeMargin::of(&robot);
+        assert!(margin.is_unknown() && margin.against(1.0).is_none());
+    }
+}
