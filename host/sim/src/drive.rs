@@ -130,11 +130,27 @@ impl Drive {
     pub fn advance(&mut self, load_n: f64) {
         self.begin();
         for substep in 0..SUBSTEPS {
-            let measured = self.measure();
-            let wanted_n = self.wanted_n(substep, measured);
-            self.motor.advance(wanted_n, load_n, &self.settings);
+            self.step(substep, load_n);
         }
         self.end();
+    }
+
+    /// Runs one of the [`SUBSTEPS`] of a cycle.
+    pub(super) fn step(&mut self, substep: u32, load_n: f64) {
+        let measured = self.measure();
+        let wanted_n = self.wanted_n(substep, measured);
+        self.motor.advance(wanted_n, load_n, &self.settings);
+    }
+
+    /// Lets it hold this load at rest, N.
+    #[must_use]
+    pub(super) fn holding(mut self, load_n: f64) -> Self {
+        self.cascade.hold(-load_n);
+        self.motor.force_n = -load_n;
+        for report in &mut self.reports {
+            report.force_n = -load_n;
+        }
+        self
     }
 
     /// Returns the reference in force: the command of as many cycles ago as it takes to come.
@@ -142,7 +158,8 @@ impl Drive {
         self.commands[usize::from(self.settings.command_delay_cycles.min(MAX_DELAY))]
     }
 
-    fn begin(&mut self) {
+    /// Begins a cycle.
+    pub(super) fn begin(&mut self) {
         let reach_m = if self.state() == DriveState::NotReady {
             APPROACH_M
         } else {
@@ -182,7 +199,8 @@ impl Drive {
             .advance_in_front_of(cart, wanted_n, &self.settings)
     }
 
-    fn end(&mut self) {
+    /// Ends a cycle.
+    pub(super) fn end(&mut self) {
         let reference = self.reference();
         let has_reached = self.cascade.end(&self.demand, &reference);
         let motion = self.readings.report(self.motor.motion());
@@ -245,6 +263,12 @@ impl Drive {
     #[must_use]
     pub const fn position_m(&self) -> f64 {
         self.motor.body.position_m
+    }
+
+    /// Its velocity, m/s.
+    #[must_use]
+    pub const fn velocity_m_per_s(&self) -> f64 {
+        self.motor.body.velocity_m_per_s
     }
 
     /// Force of the motor, N.

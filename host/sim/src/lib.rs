@@ -72,6 +72,7 @@ pub mod force_sensor;
 pub mod load_generator;
 pub mod load_profile;
 pub mod machine;
+pub mod moving_platform;
 pub mod parameters;
 pub mod springs;
 pub mod workpiece;

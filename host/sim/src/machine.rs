@@ -4,7 +4,9 @@
 //! last pose puts on them; the platform takes its new pose with the motors at their positions; the
 //! instruments measure; the interpolator moves on.
 //!
-//! A workpiece pushes with the force that belongs to the pose of the cycle before.
+//! Of a machine with masses the platform is a body in motion ([`MovingPlatform`]), in the same steps
+//! as the drives, which move what is in front of the springs; without, it is in equilibrium in every
+//! cycle, and a workpiece pushes with the force that belongs to the pose of the cycle before.
 //!
 //! *Displacement* is the tool's position minus its position on the unloaded rigid machine with the
 //! carts at the nominal of the last `write`, without the offsets. It contains springs, play,
@@ -31,6 +33,7 @@ use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_machine::elastic::loaded::Loaded;
 use gantry_tau_machine::elastic::springs::Springs;
 use gantry_tau_machine::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
+use gantry_tau_machine::masses::Masses;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{Interface, RobotFile, RobotFileError};
 use gantry_tau_server::plant::interpolator::{Interpolator, Motion, OutOfRange};
@@ -40,9 +43,10 @@ use gantry_tau_server::plant::{
 use nalgebra::Vector6;
 
 use super::drive::supervision::Trip;
-use super::drive::{self, Cart, Drive, coupled};
+use super::drive::{self, Cart, Drive, SUBSTEPS, Settings, coupled};
 use super::force_sensor::SimulatedForceSensor;
 use super::load_generator::{AppliedLoad, Load};
+use super::moving_platform::{Motors, MovingPlatform};
 use super::parameters::{SimulationError, SimulationParameters, springs};
 use super::springs::TrueSprings;
 use super::workpiece::Workpiece;
@@ -72,6 +76,8 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     quick_stop: Option<QuickStop>,
     /// With velocities: no loop follows the path.
     stands: bool,
+    /// Of a machine with masses.
+    moving: Option<Box<MovingPlatform<N>>>,
     /// The tool under load, and on the rigid machine at the nominal references in force.
     loaded: Equilibrium<N>,
     rigid: Equilibrium<N>,
@@ -117,12 +123,14 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             .map(|axis| without_offsets(at_home[axis]));
         let start = Equilibrium::at_home(parameters.simulation.home_m);
         let settings = &parameters.drives;
-        let mut number = 0_usize;
-        let drives = references.each_ref().map(|reference| {
-            let drive = Drive::at_rest(reference, settings)
-                .biased(direction(motors.axis_of_motor(), number));
-            number += 1;
-            drive
+        let drives = std::array::from_fn(|motor| {
+            let axis = motors.axis_of_motor()[motor];
+            let settings = Settings {
+                body_kg: body_kg(parameters, axis, motors_of(&motors, axis)),
+                ..*settings
+            };
+            Drive::at_rest(&references[motor], &settings)
+                .biased(direction(motors.axis_of_motor(), motor))
         });
         let carts = std::array::from_fn(|axis| {
             let mut of_axis = drives
@@ -148,6 +156,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             interface: settings.interface,
             quick_stop: quick_stop(settings),
             stands: settings.interface == Interface::Velocity,
+            moving: None,
             loaded: start,
             rigid: start,
             load: Load::default(),
@@ -156,10 +165,32 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         machine
             .settle_platform()
             .map_err(SimulationError::Springs)?;
+        if let Some(masses) = &parameters.masses {
+            machine.set_in_motion(masses, &parameters.home_q)?;
+        }
         machine.sample = machine
             .sensor
             .sample(&Wrench::zero(), &machine.loaded.pose.rotation);
         Ok(machine)
+    }
+
+    /// Gives the machine its masses, at rest; the drives hold what it weighs.
+    fn set_in_motion(
+        &mut self,
+        masses: &Masses<N>,
+        home_q: &[f64; N],
+    ) -> Result<(), SimulationError> {
+        let elastic = *self.springs.machine();
+        let moving = MovingPlatform::at_rest(elastic, *masses, &self.loaded, home_q)
+            .ok_or(SimulationError::NoModes)?;
+        let held = moving.drive_loads(&self.motor_motion());
+        for (motor, drive) in self.drives.iter_mut().enumerate() {
+            let axis = self.motors.axis_of_motor()[motor];
+            let motors = motors_of(&self.motors, axis);
+            *drive = drive.holding(held[axis] / self.metres_per_q[axis] / motors);
+        }
+        self.moving = Some(Box::new(moving));
+        Ok(())
     }
 
     /// Puts a workpiece below the tool, in addition to the load.
@@ -203,31 +234,43 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
 
     /// Power is the same in both units: `tau dq = F dx`.
     fn axis_load_n(&self, axis: usize) -> f64 {
-        self.loaded.axis_loads[axis] / self.metres_per_q[axis]
+        let along_q = match &self.moving {
+            Some(moving) => moving.drive_loads(&self.motor_motion())[axis],
+            None => self.loaded.axis_loads[axis],
+        };
+        along_q / self.metres_per_q[axis]
     }
 
     fn motor_load_n(&self, axis: usize) -> f64 {
-        self.axis_load_n(axis) / self.drives_of(axis).count() as f64
+        self.axis_load_n(axis) / motors_of(&self.motors, axis)
+    }
+
+    /// Returns the motion of the axes in front of their springs.
+    fn motor_motion(&self) -> Motors<N> {
+        let motion: [(f64, f64); N] = std::array::from_fn(|axis| match &self.carts[axis] {
+            Some(cart) => cart.motion(),
+            None => (
+                drive::mean(self.drives_of(axis).map(Drive::position_m)),
+                drive::mean(self.drives_of(axis).map(Drive::velocity_m_per_s)),
+            ),
+        });
+        Motors {
+            places: std::array::from_fn(|axis| motion[axis].0 / self.metres_per_q[axis]),
+            rates: std::array::from_fn(|axis| motion[axis].1 / self.metres_per_q[axis]),
+        }
     }
 
     /// Runs one cycle of 1 ms.
     fn advance(&mut self) -> Result<(), &'static str> {
         self.load = self.tool.load();
-        if let Some(workpiece) = &mut self.workpiece {
-            let pushed = workpiece.force_n(&self.loaded.pose.translation_m);
-            self.load.force_n = std::array::from_fn(|axis| self.load.force_n[axis] + pushed[axis]);
+        match self.moving.take() {
+            Some(mut moving) => {
+                let moved = self.advance_moving(&mut moving);
+                self.moving = Some(moving);
+                moved?;
+            }
+            None => self.advance_settled()?,
         }
-        let (axis_loads, motor_loads) = (
-            std::array::from_fn(|axis| self.axis_load_n(axis)),
-            self.motor_loads_n(),
-        );
-        self.advance_drives(&axis_loads, &motor_loads);
-        self.stop_partners();
-        self.settle_platform()
-            .map_err(|_| "the springs find no equilibrium under this load")?;
-        self.sample = self
-            .sensor
-            .sample(&self.load.wrench(), &self.loaded.pose.rotation);
         if self.stands {
             self.nominal = self.actual()?.map(|axis| axis.position);
             self.in_force = self.nominal.map(InForce::at);
@@ -241,6 +284,56 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         Ok(())
     }
 
+    /// Runs one cycle of a machine without masses.
+    fn advance_settled(&mut self) -> Result<(), &'static str> {
+        if let Some(workpiece) = &mut self.workpiece {
+            let pushed = workpiece.force_n(&self.loaded.pose.translation_m);
+            self.load.force_n = std::array::from_fn(|axis| self.load.force_n[axis] + pushed[axis]);
+        }
+        let axis_loads_n = std::array::from_fn(|axis| self.axis_load_n(axis));
+        self.drives.iter_mut().for_each(Drive::begin);
+        for substep in 0..SUBSTEPS {
+            self.step_drives(substep, &axis_loads_n);
+        }
+        self.drives.iter_mut().for_each(Drive::end);
+        self.stop_partners();
+        self.settle_platform()
+            .map_err(|_| "the springs find no equilibrium under this load")?;
+        self.sample = self
+            .sensor
+            .sample(&self.load.wrench(), &self.loaded.pose.rotation);
+        Ok(())
+    }
+
+    /// Runs one cycle of a machine with masses.
+    fn advance_moving(&mut self, moving: &mut MovingPlatform<N>) -> Result<(), &'static str> {
+        let load = Vector6::from(self.load.wrench().to_array());
+        moving
+            .begin_cycle(self.springs.machine())
+            .ok_or("the machine has no natural frequencies here")?;
+        self.drives.iter_mut().for_each(Drive::begin);
+        for substep in 0..SUBSTEPS {
+            let motors = self.motor_motion();
+            let held = moving.drive_loads(&motors);
+            let axis_loads_n = std::array::from_fn(|axis| held[axis] / self.metres_per_q[axis]);
+            moving.step(&motors, &load, self.workpiece.as_ref());
+            self.step_drives(substep, &axis_loads_n);
+        }
+        self.drives.iter_mut().for_each(Drive::end);
+        self.stop_partners();
+        self.loaded = moving.equilibrium();
+        if !moving.is_finite() {
+            return Err("the machine has left every range");
+        }
+        self.springs.follow(self.loaded.cluster_3_n());
+        self.settle_rigid()
+            .map_err(|_| "the rigid machine has no place for these references")?;
+        let on_tool = moving.load();
+        self.load.force_n = [on_tool[0], on_tool[1], on_tool[2]];
+        let found = Wrench::from_array((*moving.sensor_load()).into());
+        self.sample = self.sensor.sample(&found, &self.loaded.pose.rotation);
+        Ok(())
+    }
     fn actual(&self) -> Result<[Actual; N], &'static str> {
         let mut actual = [Actual::default(); N];
         for (axis, report) in actual.iter_mut().enumerate() {
@@ -250,20 +343,22 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         Ok(actual)
     }
 
-    /// Runs one cycle of the drives under the loads on axes and on single motors, N.
-    fn advance_drives(&mut self, axis_loads_n: &[f64; N], motor_loads_n: &[f64; N]) {
+    /// Runs one step of the drives under the loads on axes, N.
+    fn step_drives(&mut self, substep: u32, axis_loads_n: &[f64; N]) {
         let axis_of_motor = self.motors.axis_of_motor();
         for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
             if self.carts[axis].is_none() {
-                drive.advance(motor_loads_n[axis]);
+                drive.step(substep, axis_loads_n[axis] / motors_of(&self.motors, axis));
             }
         }
         for (axis, cart) in self.carts.iter_mut().enumerate() {
             if let Some(cart) = cart {
-                coupled::advance(
+                let is_of_axis = |motor: usize| axis_of_motor[motor] == axis;
+                coupled::step(
                     &mut self.drives,
-                    |motor| axis_of_motor[motor] == axis,
+                    is_of_axis,
                     cart,
+                    substep,
                     axis_loads_n[axis],
                 );
             }
@@ -306,14 +401,13 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     /// Finds the poses for the motors and for the nominal in force.
     fn settle_platform(&mut self) -> Result<(), ElasticError> {
         let load = Vector6::from(self.load.wrench().to_array());
-        let motors_m = self.positions_m();
-        let motors = std::array::from_fn(|axis| {
-            self.carts[axis]
-                .as_ref()
-                .map_or(motors_m[axis], Cart::position_m)
-                / self.metres_per_q[axis]
-        });
+        let motors = self.motor_motion().places;
         self.loaded = self.springs.settle(&motors, &load, &self.loaded)?;
+        self.settle_rigid()
+    }
+
+    /// Finds the pose for the nominal in force.
+    fn settle_rigid(&mut self) -> Result<(), ElasticError> {
         let nominal = std::array::from_fn(|axis| {
             self.in_force[axis].nominal.to_metres().0 / self.metres_per_q[axis]
         });
@@ -428,6 +522,20 @@ impl<const N: usize, const M: usize> VelocityPlant<N, M> for SimulatedMachine<N,
     }
 }
 
+/// Returns the number of motors of an axis.
+fn motors_of<const N: usize, const M: usize>(motors: &MotorMap<N, M>, axis: usize) -> f64 {
+    let of_axis = motors.axis_of_motor().iter().filter(|of| **of == axis);
+    of_axis.count() as f64
+}
+
+/// Returns what each of the motors of an axis moves in front of its spring, kg.
+fn body_kg<const N: usize>(parameters: &SimulationParameters<N>, axis: usize, motors: f64) -> f64 {
+    let masses = parameters.masses.as_ref();
+    masses.map_or(parameters.drives.body_kg, |masses| {
+        masses.motors_kg[axis] / motors
+    })
+}
+
 fn not_advanced(reason: &'static str) -> PlantError {
     PlantError {
         operation: "advance the simulation",
@@ -450,7 +558,7 @@ fn direction(axis_of_motor: &[usize], motor: usize) -> f64 {
 }
 
 /// Returns the stop of drives that take velocities.
-fn quick_stop(settings: &drive::Settings) -> Option<QuickStop> {
+fn quick_stop(settings: &Settings) -> Option<QuickStop> {
     let limits = settings
         .limits
         .filter(|_| settings.interface == Interface::Velocity)?;

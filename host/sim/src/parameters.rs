@@ -5,6 +5,7 @@ use std::fmt;
 use gantry_tau_core::model::robot::RobotError;
 use gantry_tau_machine::elastic::ElasticError;
 use gantry_tau_machine::elastic::springs::Springs;
+use gantry_tau_machine::masses::Masses;
 use gantry_tau_machine::model::{MachineKind, Wrist};
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError, Sensor, Simulation};
 use gantry_tau_server::plant::interpolator::{Motion, OutOfRange};
@@ -28,6 +29,8 @@ pub struct SimulationParameters<const N: usize> {
     pub metres_per_q: [f64; N],
     /// Motion of the nominal references.
     pub motion: Motion<N>,
+    /// Masses; `None`: in every cycle the platform is in equilibrium.
+    pub masses: Option<Masses<N>>,
 }
 
 /// Reason why a simulation is refused. Numbers are named by their field in [`SimulationParameters`]
@@ -40,6 +43,8 @@ pub enum SimulationError {
     Compliances(RobotError),
     /// The springs find no equilibrium at home.
     Springs(ElasticError),
+    /// A machine with these masses has no natural frequencies at home.
+    NoModes,
     /// A force in x of `jump_force_n` hardly loads arm 3 at home: the jump is impossible there.
     NoJump,
 }
@@ -50,6 +55,9 @@ impl fmt::Display for SimulationError {
             Self::OutOfRange(error) => error.fmt(f),
             Self::Compliances(reason) => write!(f, "spring_deviation: {reason}"),
             Self::Springs(reason) => write!(f, "home_m: {reason}"),
+            Self::NoModes => {
+                f.write_str("masses: the machine has no natural frequencies at home_m")
+            }
             Self::NoJump => f.write_str("jump_force_n hardly loads arm 3 at home_m"),
         }
     }
@@ -83,6 +91,7 @@ impl<const N: usize> SimulationParameters<N> {
             home_q: robot.home_q()?,
             metres_per_q: robot.metres_per_q,
             motion,
+            masses: robot.masses,
         })
     }
 }

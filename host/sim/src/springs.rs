@@ -126,13 +126,18 @@ impl<const N: usize> TrueSprings<N> {
         start: &Equilibrium<N>,
     ) -> Result<Equilibrium<N>, ElasticError> {
         let now = self.machine().equilibrium(axes, load, start)?;
-        let crossed = self.machine().backlash().crossed(now.cluster_3_n());
+        self.follow(now.cluster_3_n());
+        Ok(now)
+    }
+
+    /// Moves the joint to the side that it is on under this sum of the tensions of cluster 3, N.
+    pub fn follow(&mut self, cluster_3_n: f64) {
+        let crossed = self.machine().backlash().crossed(cluster_3_n);
         self.is_open = if self.is_open {
             crossed > 0.0
         } else {
             crossed >= 1.0
         };
-        Ok(now)
     }
 }
 

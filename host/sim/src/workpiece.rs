@@ -22,6 +22,12 @@ pub struct Workpiece {
 }
 
 impl Workpiece {
+    /// Returns the force on the tool at this height, N: of the spring, at once.
+    #[must_use]
+    pub fn spring_n(&self, height_m: f64) -> f64 {
+        self.stiffness_n_per_m * (self.surface_m - height_m).max(0.0)
+    }
+
     /// Creates a workpiece whose surface lies `gap_m` below the tool at `home_m`.
     ///
     /// # Errors

@@ -177,6 +177,22 @@ impl<const N: usize> CoordinateMatrix<N> {
         })
     }
 
+    /// Returns the inverse of a positive definite matrix; `None` of another one. By the platform's
+    /// block and its Schur complement.
+    #[must_use]
+    pub fn inverse(&self) -> Option<Self> {
+        let platform = self.platform.cholesky()?.inverse();
+        let across = platform * self.cross;
+        let axes = (self.axes - self.cross.transpose() * across)
+            .cholesky()?
+            .inverse();
+        Some(Self {
+            platform: platform + across * axes * across.transpose(),
+            cross: -(across * axes),
+            axes,
+        })
+    }
+
     /// Returns the whole matrix, (6 + N) x (6 + N): the platform's rows, then the axes'.
     #[must_use]
     pub fn to_matrix(&self) -> DMatrix<f64> {

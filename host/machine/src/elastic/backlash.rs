@@ -16,6 +16,9 @@
 /// Width of the transition, in newtons of cluster force.
 pub const TRANSITION_N: f64 = 4.0;
 
+/// Steps to find how far the joint has crossed: to a gap of 1e-2 m over 2^40, 1e-14 m.
+const BISECTIONS: u32 = 40;
+
 /// Play of the joint of cluster 3.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Backlash {
@@ -43,6 +46,30 @@ impl Backlash {
     #[must_use]
     pub fn elongation_m(&self, cluster_force_n: f64) -> f64 {
         -self.preload_n.signum() * self.gap_m * self.crossed(cluster_force_n)
+    }
+
+    /// Returns the elongation at which the joint stays under the cluster force by it:
+    /// `e = elongation_m(force_n(e))`. A force with the sign of the preload grows with the gap.
+    pub(super) fn settled_m(&self, force_n: impl Fn(f64) -> f64) -> f64 {
+        let elongation_m = |crossed: f64| -self.preload_n.signum() * self.gap_m * crossed;
+        let beyond = |share: f64| self.crossed(force_n(elongation_m(share))) - share;
+        // The share that the force asks for falls with the share that is crossed.
+        let (mut lower, mut upper) = (0.0, 1.0);
+        if beyond(lower) <= 0.0 {
+            return elongation_m(lower);
+        }
+        if beyond(upper) >= 0.0 {
+            return elongation_m(upper);
+        }
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (lower + upper);
+            if beyond(middle) > 0.0 {
+                lower = middle;
+            } else {
+                upper = middle;
+            }
+        }
+        elongation_m(0.5 * (lower + upper))
     }
 
     /// Returns the share of the gap that the joint has crossed, from 0 at rest to 1.

@@ -278,8 +278,28 @@ impl<const N: usize> ElasticMachine<N> {
         (joint.place_m - on_platform, joint)
     }
 
-    /// Returns `W` and `D` with the axes (not the motors) at `axes`.
-    pub(crate) fn lines(&self, axes: &SVector<f64, N>, pose: &Pose) -> LineMatrices<N> {
+    /// Returns the tensions of links whose joints are so far apart, N. In the play of the joint of
+    /// cluster 3 they follow by the sum of its tensions, which it grows with.
+    #[must_use]
+    pub fn tensions_n(&self, lengths_m: &Vector6<f64>) -> Vector6<f64> {
+        let compliances = Vector6::from(self.compliances.links_m_per_n);
+        let stretched_m = lengths_m - Vector6::from(self.geometry.lengths_m);
+        let with_play = |play_m: f64| {
+            let mut tensions_n = stretched_m.component_div(&compliances);
+            for link in CLUSTER_3..LINKS {
+                tensions_n[link] = (stretched_m[link] - play_m) / compliances[link];
+            }
+            tensions_n
+        };
+        let play_m = self
+            .backlash
+            .settled_m(|play_m| with_play(play_m).fixed_rows::<3>(CLUSTER_3).sum());
+        with_play(play_m)
+    }
+
+    /// Returns the distances of the joints, `W` and `D` with the axes (not the motors) at `axes`.
+    #[must_use]
+    pub fn lines(&self, axes: &SVector<f64, N>, pose: &Pose) -> LineMatrices<N> {
         let mut lines = LineMatrices {
             lengths_m: Vector6::zeros(),
             matrix: Matrix6::zeros(),
@@ -364,10 +384,14 @@ impl<const N: usize> Transmission<N> {
 
 /// Distances of the links' joints, line matrix `W` (6 x 6) and `D_(ij),k = s_ij . dA_ij/dq_k`
 /// (6 x N).
-pub(crate) struct LineMatrices<const N: usize> {
-    pub(crate) lengths_m: Vector6<f64>,
-    pub(crate) matrix: Matrix6<f64>,
-    pub(crate) drives: SMatrix<f64, 6, N>,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineMatrices<const N: usize> {
+    /// Distances of the joints, m, link order.
+    pub lengths_m: Vector6<f64>,
+    /// `W`.
+    pub matrix: Matrix6<f64>,
+    /// `D`.
+    pub drives: SMatrix<f64, 6, N>,
 }
 
 /// Returns `T + dT`, `exp(dtheta) R`.

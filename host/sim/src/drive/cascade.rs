@@ -71,6 +71,11 @@ impl Cascade {
         }
     }
 
+    /// Lets the velocity loop hold this force at rest, N.
+    pub(super) const fn hold(&mut self, force_n: f64) {
+        self.integral_n = force_n;
+    }
+
     /// Begins again at a position, m. The velocity loop goes on: it holds the load.
     pub(super) const fn restart(&mut self, position_m: f64) {
         *self = Self {

@@ -6,35 +6,35 @@
 //! nothing touches; with a bias above half the load both flanks do.
 
 use super::motor::Cart;
-use super::{Drive, SUBSTEPS, mean};
+use super::{Drive, mean};
 
-/// Runs one cycle of the drives of an axis and of its cart, under `load_n` newtons on the cart.
-/// `is_of_axis` tells a drive by its number.
-pub fn advance(
+/// Runs one of the [`SUBSTEPS`](super::SUBSTEPS) of a cycle of the drives of an axis and of its
+/// cart, under `load_n` newtons on the cart. `is_of_axis` tells a drive by its number.
+pub fn step(
     drives: &mut [Drive],
     is_of_axis: impl Fn(usize) -> bool + Copy,
     cart: &mut Cart,
+    substep: u32,
     load_n: f64,
 ) {
-    let Some(friction) = drives.first().map(|drive| drive.settings.friction) else {
+    let Some(settings) = of_axis(drives, is_of_axis)
+        .next()
+        .map(|drive| drive.settings)
+    else {
         return;
     };
-    of_axis(drives, is_of_axis).for_each(Drive::begin);
-    for substep in 0..SUBSTEPS {
-        for drive in of_axis(drives, is_of_axis) {
-            drive.measured = drive.measure();
-        }
-        let position_m = mean(of_axis(drives, is_of_axis).map(|drive| drive.measured.0));
-        let velocity_m_per_s = mean(of_axis(drives, is_of_axis).map(|drive| drive.measured.1));
-        let measured = (position_m, velocity_m_per_s);
-        let (mut forces_n, mut motors) = (load_n, 0.0);
-        for drive in of_axis(drives, is_of_axis) {
-            forces_n += drive.push(substep, measured, cart);
-            motors += 1.0;
-        }
-        cart.advance(forces_n, motors, &friction);
+    for drive in of_axis(drives, is_of_axis) {
+        drive.measured = drive.measure();
     }
-    of_axis(drives, is_of_axis).for_each(Drive::end);
+    let position_m = mean(of_axis(drives, is_of_axis).map(|drive| drive.measured.0));
+    let velocity_m_per_s = mean(of_axis(drives, is_of_axis).map(|drive| drive.measured.1));
+    let measured = (position_m, velocity_m_per_s);
+    let (mut forces_n, mut motors) = (load_n, 0.0);
+    for drive in of_axis(drives, is_of_axis) {
+        forces_n += drive.push(substep, measured, cart);
+        motors += 1.0;
+    }
+    cart.advance(forces_n, motors, &settings);
 }
 
 /// The drives of an axis.

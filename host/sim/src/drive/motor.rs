@@ -4,7 +4,7 @@
 use gantry_tau_machine::robot_file::{RATED_FORCE_N, TORQUE_LIMIT};
 
 use super::encoder::Motion;
-use super::profile::{CURRENT_SHARE, Friction, MASS_KG, MOTOR_MASS_KG, VISCOUS_FRICTION};
+use super::profile::{CURRENT_SHARE, Friction, VISCOUS_FRICTION};
 use super::{SUBSTEP_S, Settings};
 
 /// Stiffness of the flanks between motor and cart, N/m: far above the springs of the machine, which
@@ -107,7 +107,8 @@ impl DriveMotor {
     pub(super) fn advance(&mut self, wanted_n: f64, load_n: f64, settings: &Settings) {
         self.drive(wanted_n, settings);
         let sum_n = self.force_n + load_n - VISCOUS_FRICTION * self.body.velocity_m_per_s;
-        self.body.advance(sum_n, MASS_KG, &settings.friction);
+        self.body
+            .advance(sum_n, settings.body_kg, &settings.friction);
     }
 
     /// Integrates a step with this force wanted, in front of a cart. Returns the force on the cart,
@@ -123,7 +124,7 @@ impl DriveMotor {
         // Friction is the guideway's.
         self.body.advance(
             self.force_n - pushed_n,
-            MOTOR_MASS_KG,
+            0.5 * settings.body_kg,
             &Friction {
                 sliding_n: 0.0,
                 breakaway_n: 0.0,
@@ -147,10 +148,10 @@ impl Cart {
         }
     }
 
-    /// Returns its position, m.
+    /// Returns its position, m, and velocity, m/s.
     #[must_use]
-    pub const fn position_m(&self) -> f64 {
-        self.body.position_m
+    pub const fn motion(&self) -> Motion {
+        (self.body.position_m, self.body.velocity_m_per_s)
     }
 
     /// Returns the force of a motor on it, N; none within the play.
@@ -168,13 +169,14 @@ impl Cart {
     }
 
     /// Integrates a step under the forces of this many motors and the load, N.
-    pub(super) fn advance(&mut self, forces_n: f64, motors: f64, friction: &Friction) {
+    pub(super) fn advance(&mut self, forces_n: f64, motors: f64, settings: &Settings) {
+        let friction = &settings.friction;
         let sum_n = forces_n - motors * VISCOUS_FRICTION * self.body.velocity_m_per_s;
         let all = Friction {
             sliding_n: motors * friction.sliding_n,
             breakaway_n: motors * friction.breakaway_n,
         };
         self.body
-            .advance(sum_n, motors * (MASS_KG - MOTOR_MASS_KG), &all);
+            .advance(sum_n, motors * 0.5 * settings.body_kg, &all);
     }
 }

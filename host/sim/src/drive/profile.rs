@@ -48,6 +48,8 @@ pub struct Settings {
     pub bias: f64,
     /// Play between each motor and its cart, m.
     pub backlash_m: f64,
+    /// What each motor moves in front of the spring of its axis, kg: half of it is the motor.
+    pub body_kg: f64,
 }
 
 impl Settings {
@@ -69,6 +71,7 @@ impl Settings {
         },
         bias: 0.0,
         backlash_m: 0.0,
+        body_kg: MASS_KG,
     };
 
     /// True if motors and cart of an axis with this number of motors are bodies of their own.
@@ -107,6 +110,7 @@ impl From<&DriveKeys> for Settings {
             },
             bias: f64::from(drives.bias_permille) * 1e-3,
             backlash_m: drives.backlash_um * 1e-6,
+            body_kg: MASS_KG,
         }
     }
 }

@@ -1,7 +1,7 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::OffsetNm;
-use gantry_tau_machine::model::F1_MOTORS;
+use gantry_tau_machine::model::{F1, F1_MOTORS};
 use gantry_tau_server::plant::interpolator::Motion;
 use nalgebra::Vector3;
 
@@ -282,16 +282,23 @@ fn another_scale_of_q_is_the_same_machine() {
     assert!(off_nm(&reading).iter().all(|off| off.abs() < 100));
 }
 
-/// Two motors on a cart carry half of its load each: at rest the sum of their torques holds it.
+/// Two motors on a cart carry half of its load each: at rest the sum of their torques holds it, with
+/// masses the weight too.
 #[test]
 fn motors_of_one_cart_share_its_load() {
     let file = RobotFile::builtin_f1().unwrap();
+    hold_a_load(&file, 12_000);
+    let masses = None;
+    hold_a_load(&RobotFile { masses, ..file }, 500);
+}
+
+fn hold_a_load(file: &RobotFile<F1, 6>, cycles: u32) {
     let (mut hand, tool) = load_generator();
     let mut machine =
-        SimulatedMachine::<6, { F1_MOTORS }>::from_robot(&file, tool, Motion::Hold).unwrap();
+        SimulatedMachine::<6, { F1_MOTORS }>::from_robot(file, tool, Motion::Hold).unwrap();
     hand.set(&pull([300.0, 0.0, 0.0])).unwrap();
     let mut reading = None;
-    for _ in 0..500 {
+    for _ in 0..cycles {
         let now = machine.read(1).unwrap();
         let motors = machine.motors.spread(&now.nominal.map(without_offsets));
         let motors = motors.unwrap();
@@ -302,7 +309,7 @@ fn motors_of_one_cart_share_its_load() {
     }
     let actual = reading.unwrap().actual;
     for (axis, motors) in [(0, 2.0), (1, 2.0), (2, 2.0), (3, 1.0), (4, 1.0), (5, 1.0)] {
-        let load_n = machine.loaded.axis_loads[axis] / machine.metres_per_q[axis];
+        let load_n = machine.axis_load_n(axis);
         let held_n = f64::from(actual[axis].torque.0) * 1e-3 * drive::RATED_FORCE_N * motors;
         // Torques are reported in whole per mille of the rated one: half a newton for each motor.
         assert!(

@@ -1,0 +1,227 @@
+//! Platform, links and axes with mass, behind the springs of their drives.
+//!
+//! Symplectic Euler with the steps of the drives: all forces from the places and rates before, then
+//! the rates, then the places. Springs act at the deflected place in every step; masses, weight and
+//! the forces of the motion are those at the beginning of a cycle. Damping is that of the modes
+//! ([`gantry_tau_machine::dynamics::Modes::damping`]), and acts on what bends only, so that it does
+//! not brake a path.
+//!
+//! The springs' lengths at rest are those with which the machine stands at home, with its tool and
+//! without a load, where the rigid machine stands: a calibration does that. Away from home the
+//! change of its sag is a displacement.
+
+use gantry_tau_machine::dynamics::{CoordinateMatrix, Coordinates, MassiveMachine, Modes, State};
+use gantry_tau_machine::elastic::{ElasticMachine, Equilibrium, Pose};
+use gantry_tau_machine::masses::Masses;
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+
+use super::workpiece::Workpiece;
+use gantry_tau_machine::drive_cascade::SUBSTEP_S;
+
+/// Way of an axis after which modes and damping are found anew, m of a cart or rad of a plate.
+const MOVED: f64 = 5e-3;
+
+/// Motors of the axes: q-units, and per second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motors<const N: usize> {
+    /// Places.
+    pub places: [f64; N],
+    /// Rates.
+    pub rates: [f64; N],
+}
+
+/// A machine in motion.
+#[derive(Clone, Debug)]
+pub struct MovingPlatform<const N: usize> {
+    machine: MassiveMachine<N>,
+    state: State<N>,
+    /// What the springs of links and axes carry at home, N, and along `+q`.
+    links_at_home_n: Vector6<f64>,
+    axes_at_home: SVector<f64, N>,
+    damping: Damping<N>,
+    /// Inverse of the mass matrix.
+    mobility: CoordinateMatrix<N>,
+    /// Weight less the forces of the motion.
+    free: Coordinates<N>,
+    /// Of the last step.
+    load: Vector6<f64>,
+    tensions_n: Vector6<f64>,
+    axis_loads: SVector<f64, N>,
+    sensor_load: Vector6<f64>,
+}
+
+/// Damping of what bends about one place.
+#[derive(Clone, Debug)]
+struct Damping<const N: usize> {
+    axes: [f64; N],
+    matrix: CoordinateMatrix<N>,
+    /// `G = W^-T D`: rates of the platform by those of the drives with stiff springs, 6 x N.
+    motion: SMatrix<f64, 6, N>,
+}
+
+impl<const N: usize> Damping<N> {
+    fn at(machine: &MassiveMachine<N>, pose: &Pose, axes: &[f64; N]) -> Option<Self> {
+        Some(Self {
+            axes: *axes,
+            matrix: Modes::of(machine, pose, axes)?.damping(machine.masses.damping_ratio),
+            motion: machine.rigid_motion(pose, axes)?,
+        })
+    }
+
+    fn has_moved(&self, axes: &[f64; N]) -> bool {
+        (self.axes.iter().zip(axes)).any(|(before, now)| (now - before).abs() >= MOVED)
+    }
+
+    /// Returns the forces on the machine, and on the drives along `+q`.
+    fn forces(
+        &self,
+        rates: &Coordinates<N>,
+        drive_rates: &SVector<f64, N>,
+    ) -> (Coordinates<N>, SVector<f64, N>) {
+        let rigid = Coordinates {
+            platform: self.motion * drive_rates,
+            axes: *drive_rates,
+        };
+        let braking = self.matrix.times(&(*rates - rigid));
+        let on_drives = self.motion.transpose() * braking.platform + braking.axes;
+        (braking * -1.0, on_drives)
+    }
+}
+
+impl<const N: usize> MovingPlatform<N> {
+    /// Machine at rest where its springs, without masses, are in equilibrium. `None` where it has
+    /// no modes.
+    #[must_use]
+    pub fn at_rest(
+        elastic: ElasticMachine<N>,
+        masses: Masses<N>,
+        home: &Equilibrium<N>,
+        home_q: &[f64; N],
+    ) -> Option<Self> {
+        let machine = MassiveMachine { elastic, masses };
+        let (pose, axes) = (home.pose, *home_q);
+        let weight = machine.weight(&pose, &axes);
+        let lines = elastic.lines(&axes.into(), &pose);
+        let links_at_home_n = -lines.matrix.lu().solve(&weight.platform)?;
+        let axes_at_home = weight.axes - lines.drives.transpose() * links_at_home_n;
+        let mut platform = Self {
+            state: State {
+                pose,
+                axes,
+                rates: Coordinates::zeros(),
+            },
+            links_at_home_n,
+            axes_at_home,
+            damping: Damping::at(&machine, &pose, &axes)?,
+            mobility: CoordinateMatrix::zeros(),
+            free: Coordinates::zeros(),
+            load: Vector6::zeros(),
+            tensions_n: Vector6::zeros(),
+            axis_loads: SVector::zeros(),
+            sensor_load: Vector6::zeros(),
+            machine,
+        };
+        platform.begin_cycle(&elastic)?;
+        Some(platform)
+    }
+
+    /// Returns the place as that of springs: tensions without what the weight causes at home.
+    #[must_use]
+    pub fn equilibrium(&self) -> Equilibrium<N> {
+        Equilibrium {
+            pose: self.state.pose,
+            tensions_n: self.tensions_n,
+            axis_loads: self.axis_loads,
+            iterations: 0,
+            residual_m: 0.0,
+        }
+    }
+
+    /// Returns the load on the tool, that of a workpiece included, about the tool centre point, world
+    /// axes.
+    #[must_use]
+    pub const fn load(&self) -> &Vector6<f64> {
+        &self.load
+    }
+
+    /// True if no place or rate is NaN or infinite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let State { pose, axes, rates } = &self.state;
+        let places = pose.translation_m.iter().chain(pose.rotation.coords.iter());
+        rates.is_finite() && places.chain(axes).all(|place| place.is_finite())
+    }
+
+    /// Returns the load that a force sensor with a known weight finds, about the tool centre point,
+    /// world axes: the load on the tool less what the tool's motion takes.
+    #[must_use]
+    pub const fn sensor_load(&self) -> &Vector6<f64> {
+        &self.sensor_load
+    }
+
+    /// Returns the load of each axis on its drive, along `+q`.
+    #[must_use]
+    pub fn drive_loads(&self, motors: &Motors<N>) -> SVector<f64, N> {
+        let (_, by_damping) = self.damping.forces(&self.state.rates, &motors.rates.into());
+        self.axis_springs(motors) + self.axes_at_home + by_damping
+    }
+
+    /// Forces of the springs of the axes on the drives, without those at home.
+    fn axis_springs(&self, motors: &Motors<N>) -> SVector<f64, N> {
+        let compliances = &self.machine.elastic.compliances().axes;
+        SVector::from_fn(|axis, _| {
+            (self.state.axes[axis] - motors.places[axis]) / compliances[axis]
+        })
+    }
+
+    /// Begins a cycle, with the joint of arm 3 as it stands. `None` where the machine has no modes.
+    pub fn begin_cycle(&mut self, elastic: &ElasticMachine<N>) -> Option<()> {
+        self.machine.elastic = *elastic;
+        let State { pose, axes, .. } = &self.state;
+        if self.damping.has_moved(axes) {
+            self.damping = Damping::at(&self.machine, pose, axes)?;
+        }
+        self.mobility = self.machine.mass_matrix(pose, axes).inverse()?;
+        self.free = self.machine.weight(pose, axes) - self.machine.velocity_forces(&self.state);
+        Some(())
+    }
+
+    /// Runs a step with the motors as they were at its beginning, under a load on the tool (N, N m
+    /// about the tool centre point, world axes) and, maybe, on a workpiece.
+    pub fn step(&mut self, motors: &Motors<N>, load: &Vector6<f64>, workpiece: Option<&Workpiece>) {
+        let State { pose, axes, rates } = self.state;
+        let mut load = *load;
+        if let Some(workpiece) = workpiece {
+            load[2] += workpiece.spring_n(pose.translation_m.z);
+        }
+        let lines = self.machine.elastic.lines(&axes.into(), &pose);
+        self.load = load;
+        self.tensions_n = self.machine.elastic.tensions_n(&lines.lengths_m);
+        self.axis_loads = self.axis_springs(motors);
+        let tensions_n = self.tensions_n + self.links_at_home_n;
+        let (damped, _) = self.damping.forces(&rates, &motors.rates.into());
+        let forces = Coordinates {
+            platform: lines.matrix * tensions_n + load,
+            axes: -(lines.drives.transpose() * tensions_n) - self.axis_loads - self.axes_at_home,
+        } + self.free
+            + damped;
+        let changes = self.mobility.times(&forces);
+        let rates = rates + changes * SUBSTEP_S;
+        let [moved_m, turned_rad] =
+            [0, 3].map(|row| rates.platform.fixed_rows::<3>(row).into_owned() * SUBSTEP_S);
+        self.state = State {
+            pose: Pose {
+                translation_m: pose.translation_m + moved_m,
+                rotation: UnitQuaternion::from_scaled_axis(turned_rad) * pose.rotation,
+            },
+            axes: std::array::from_fn(|axis| axes[axis] + rates.axes[axis] * SUBSTEP_S),
+            rates,
+        };
+        let omega: Vector3<f64> = rates.platform.fixed_rows::<3>(3).into_owned();
+        let tool = &self.machine.masses.tool;
+        self.sensor_load = load - tool.inertial_load(&pose.rotation, &changes.platform, &omega);
+    }
+}
+
+#[cfg(test)]
+mod tests;
