@@ -33,7 +33,8 @@ where
         pace: PaceChoice::Only(TickSource::Lockstep),
         force_max_n: 120.0,
         force_step_n: 60.0,
-        step_seconds: 0.2,
+        // Five times as long as the slower filter takes.
+        step_seconds: 1.0,
         report: Output::new(&*report, Kind::Page),
         json: None,
         record: None,

@@ -27,6 +27,7 @@ use gantry_tau_system::lines::read_text;
 use gantry_tau_system::output::printable;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::drive_cascade::POSITION_GAIN;
 use crate::masses::Masses;
 pub use crate::model::{CorrectionKind, WristJoint};
 use crate::model::{F1, L2, MachineKind};
@@ -249,6 +250,13 @@ impl RobotFile<F1, { f1::AXES }> {
 }
 
 impl<K, const N: usize> RobotFile<K, N> {
+    /// Gain of the drives' position loops, 1/s.
+    #[must_use]
+    pub fn position_gain_per_s(&self) -> f64 {
+        let drives = self.drives.as_ref();
+        drives.map_or(POSITION_GAIN, |drives| drives.position_gain_per_s)
+    }
+
     /// Computation of corrections by a client of this machine.
     #[must_use]
     pub fn correction(&self) -> CorrectionKind {

@@ -10,6 +10,7 @@
 //! without a load, where the rigid machine stands: a calibration does that. Away from home the
 //! change of its sag is a displacement.
 
+use gantry_tau_machine::dynamics::coordinates::{product, transposed_product};
 use gantry_tau_machine::dynamics::{CoordinateMatrix, Coordinates, MassiveMachine, Modes, State};
 use gantry_tau_machine::elastic::{ElasticMachine, Equilibrium, Pose};
 use gantry_tau_machine::masses::Masses;
@@ -79,11 +80,11 @@ impl<const N: usize> Damping<N> {
         drive_rates: &SVector<f64, N>,
     ) -> (Coordinates<N>, SVector<f64, N>) {
         let rigid = Coordinates {
-            platform: self.motion * drive_rates,
+            platform: product(&self.motion, drive_rates),
             axes: *drive_rates,
         };
         let braking = self.matrix.times(&(*rates - rigid));
-        let on_drives = self.motion.transpose() * braking.platform + braking.axes;
+        let on_drives = transposed_product(&self.motion, &braking.platform) + braking.axes;
         (braking * -1.0, on_drives)
     }
 }
@@ -201,8 +202,10 @@ impl<const N: usize> MovingPlatform<N> {
         let tensions_n = self.tensions_n + self.links_at_home_n;
         let (damped, _) = self.damping.forces(&rates, &motors.rates.into());
         let forces = Coordinates {
-            platform: lines.matrix * tensions_n + load,
-            axes: -(lines.drives.transpose() * tensions_n) - self.axis_loads - self.axes_at_home,
+            platform: product(&lines.matrix, &tensions_n) + load,
+            axes: -transposed_product(&lines.drives, &tensions_n)
+                - self.axis_loads
+                - self.axes_at_home,
         } + self.free
             + damped;
         let changes = self.mobility.times(&forces);

@@ -34,6 +34,7 @@ mod quit;
 mod six_axes;
 mod soak;
 mod solve_vectors;
+mod stable_as_computed;
 mod stops_and_ends;
 mod turned_platform;
 mod velocity_drives;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use crate::terminal::{Progress, say};
 use clap::Args;
-use gantry_tau_machine::drive_cascade::{POSITION_GAIN, VELOCITY_INTEGRAL_S};
+use gantry_tau_machine::drive_cascade::VELOCITY_INTEGRAL_S;
 use gantry_tau_machine::dynamics::MassiveMachine;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
@@ -64,9 +64,9 @@ pub(crate) struct Stability {
     /// Cut-off of the filter, Hz; the default is that of the robot file
     #[arg(long, value_name = "HZ", value_parser = within(0.01, 450.0))]
     cutoff: Option<f64>,
-    /// Gain of the drives' position loops, 1/s
-    #[arg(long, value_name = "1/s", default_value_t = POSITION_GAIN, value_parser = within(1.0, 499.0))]
-    position_gain: f64,
+    /// Gain of the drives' position loops, 1/s; the default is that of the robot file
+    #[arg(long, value_name = "1/s", value_parser = within(1.0, 499.0))]
+    position_gain: Option<f64>,
     /// The answer for programs
     #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
     json: Option<Output>,
@@ -100,7 +100,10 @@ impl MachineCommand for Stability {
         robot.compliances_for("stability needs compliances")?;
         let parts = (
             MassiveMachine::of(&robot),
-            DriveKind::cascade(&robot, self.position_gain),
+            DriveKind::cascade(
+                &robot,
+                self.position_gain.unwrap_or(robot.position_gain_per_s()),
+            ),
         );
         let (Some(mut machine), Some(drives)) = parts else {
             let reason = "is missing; stability in motion needs the masses";

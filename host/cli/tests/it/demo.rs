@@ -38,7 +38,7 @@ fn the_demo_compensates_ramps_and_reports() {
 fn the_demo_of_six_axes_compensates_turning_as_well() {
     let folder = Folder::new("demo_f1");
     let mut arguments = vec!["demo", "--robot", "f1", "--pace", "lockstep"];
-    arguments.extend(["--step-seconds", "0.2", "--force-max", "120"]);
+    arguments.extend(["--step-seconds", "1", "--force-max", "120"]);
     arguments.extend(["--json", "f1.json", "--black-box", "box.jsonl"]);
     let said = folder.run(&arguments).success();
     assert!(said.contains("turning of the platform"), "{said}");

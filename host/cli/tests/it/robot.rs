@@ -31,7 +31,7 @@ fn a_good_file_is_summed_up_with_its_units() {
             "nominal travel, m",
             "offset, um",
             "links, um/N           0.500, 0.600, 0.550, 0.700, 0.650, 0.600",
-            "low-pass 20 Hz",
+            "low-pass 6 Hz of second order, 2 notches (Q 0.7)",
             "corrections to first order",
             "reach in x, m",
             "condition number",

@@ -77,6 +77,40 @@ impl<const N: usize> Mul<f64> for Coordinates<N> {
     }
 }
 
+/// Returns `A x`. That of nalgebra is no straight code for these sizes, and takes most of the time of
+/// a simulation.
+#[inline]
+#[must_use]
+pub fn product<const R: usize, const C: usize>(
+    matrix: &SMatrix<f64, R, C>,
+    vector: &SVector<f64, C>,
+) -> SVector<f64, R> {
+    let mut sums = [0.0; R];
+    for (column, factor) in matrix.data.0.iter().zip(&vector.data.0[0]) {
+        for (sum, entry) in sums.iter_mut().zip(column) {
+            *sum += entry * factor;
+        }
+    }
+    sums.into()
+}
+
+/// Returns `A^T x`; as [`product`].
+#[inline]
+#[must_use]
+pub fn transposed_product<const R: usize, const C: usize>(
+    matrix: &SMatrix<f64, R, C>,
+    vector: &SVector<f64, R>,
+) -> SVector<f64, C> {
+    let of_column = |column: &[f64; R]| {
+        let mut sum = 0.0;
+        for (entry, factor) in column.iter().zip(&vector.data.0[0]) {
+            sum += entry * factor;
+        }
+        sum
+    };
+    matrix.data.0.each_ref().map(of_column).into()
+}
+
 /// Velocity of a point by the rates of the coordinates: `v = P nu_platform + A dq`, 3 x 6 and
 /// 3 x N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,8 +149,8 @@ impl<const N: usize> PointJacobian<N> {
     #[must_use]
     pub fn forces(&self, force_n: &Vector3<f64>) -> Coordinates<N> {
         Coordinates {
-            platform: self.platform.transpose() * force_n,
-            axes: self.axes.transpose() * force_n,
+            platform: transposed_product(&self.platform, force_n),
+            axes: transposed_product(&self.axes, force_n),
         }
     }
 }
@@ -157,8 +191,10 @@ impl<const N: usize> CoordinateMatrix<N> {
     #[must_use]
     pub fn times(&self, vector: &Coordinates<N>) -> Coordinates<N> {
         Coordinates {
-            platform: self.platform * vector.platform + self.cross * vector.axes,
-            axes: self.cross.transpose() * vector.platform + self.axes * vector.axes,
+            platform: product(&self.platform, &vector.platform)
+                + product(&self.cross, &vector.axes),
+            axes: transposed_product(&self.cross, &vector.platform)
+                + product(&self.axes, &vector.axes),
         }
     }
 

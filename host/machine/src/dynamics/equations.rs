@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 use super::coordinates::{CoordinateMatrix, Coordinates, PointJacobian};
 use crate::elastic::backlash::Backlash;
-use crate::elastic::joints::{Joint, centripetal_m_per_s2};
+use crate::elastic::joints::{Joint, centripetal_m_per_s2, joints};
 use crate::elastic::{ElasticMachine, Pose};
 use crate::masses::{GRAVITY_M_PER_S2, Masses, RigidBody};
 use crate::model::MachineKind;
@@ -74,11 +74,15 @@ impl<const N: usize> MassiveMachine<N> {
         })
     }
 
-    fn link(&self, link: usize, pose: &Pose, axes: &[f64; N]) -> LinkEnds<N> {
-        LinkEnds {
-            joint: self.elastic.joint(link, axes),
-            lever_m: pose.rotation * self.elastic.geometry().platform_joints_m[link],
-        }
+    fn links(&self, pose: &Pose, axes: &[f64; N]) -> [LinkEnds<N>; LINKS] {
+        let geometry = self.elastic.geometry();
+        let rotation = pose.rotation.to_rotation_matrix();
+        let mut link = 0;
+        joints(geometry, axes).map(|joint| {
+            let lever_m = rotation * geometry.platform_joints_m[link];
+            link += 1;
+            LinkEnds { joint, lever_m }
+        })
     }
 
     fn bodies(&self) -> [&RigidBody; 2] {
@@ -95,8 +99,8 @@ impl<const N: usize> MassiveMachine<N> {
         for body in self.bodies() {
             matrix.platform += body.mass_matrix(&pose.rotation);
         }
-        for (link, mass_kg) in self.masses.links_kg.iter().enumerate() {
-            let [on_axes, on_platform] = self.link(link, pose, axes).jacobians();
+        for (link, mass_kg) in self.links(pose, axes).iter().zip(&self.masses.links_kg) {
+            let [on_axes, on_platform] = link.jacobians();
             matrix.add_product(mass_kg / 3.0, &on_axes, &on_axes);
             matrix.add_product(mass_kg / 3.0, &on_platform, &on_platform);
             matrix.add_product(mass_kg / 3.0, &on_axes, &on_platform);
@@ -127,8 +131,8 @@ impl<const N: usize> MassiveMachine<N> {
         for body in self.bodies() {
             forces.platform += body.inertial_load(&state.pose.rotation, &Vector6::zeros(), &omega);
         }
-        for (link, mass_kg) in self.masses.links_kg.iter().enumerate() {
-            let ends = self.link(link, &state.pose, &state.axes);
+        let links = self.links(&state.pose, &state.axes);
+        for (link, (ends, mass_kg)) in links.iter().zip(&self.masses.links_kg).enumerate() {
             let of_platform = omega.cross(&omega.cross(&ends.lever_m));
             let of_axes = centripetal_m_per_s2(
                 self.elastic.geometry(),
@@ -155,8 +159,8 @@ impl<const N: usize> MassiveMachine<N> {
         for body in self.bodies() {
             forces.platform += body.weight(&pose.rotation, &field);
         }
-        for (link, mass_kg) in self.masses.links_kg.iter().enumerate() {
-            for end in self.link(link, pose, axes).jacobians() {
+        for (link, mass_kg) in self.links(pose, axes).iter().zip(&self.masses.links_kg) {
+            for end in link.jacobians() {
                 forces += end.forces(&(field * (mass_kg / 2.0)));
             }
         }

@@ -2,7 +2,7 @@
 //! apart from core's plates.
 
 use gantry_tau_core::model::f1;
-use gantry_tau_core::model::robot::ARM_OF_LINK;
+use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS};
 use nalgebra::{Rotation3, SVector, Unit, Vector3};
 
 /// Index of `q_4` among the axes; `q_5` and `q_6` follow.
@@ -22,19 +22,14 @@ pub struct Joint<const N: usize> {
 /// `[T 3.1.2]`. A machine of three axes keeps its plates at 0.
 #[must_use]
 pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
-    let arm = ARM_OF_LINK[link];
-    let plate = Plate::of(geometry, arm, q);
-    let lever_m = plate.rotation * geometry.plate_joints_m[link];
-    Joint {
-        place_m: geometry.carts_m[arm] + geometry.guideways[arm] * q[arm] + lever_m,
-        slopes: std::array::from_fn(|axis| {
-            if axis == arm {
-                geometry.guideways[arm]
-            } else {
-                plate.turns[axis].cross(&lever_m)
-            }
-        }),
-    }
+    Plate::of(geometry, ARM_OF_LINK[link], q).joint(geometry, link, q)
+}
+
+/// Returns the joints of all links, link order, as [`joint`] does.
+#[must_use]
+pub fn joints<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Joint<N>; LINKS] {
+    let plates: [Plate<N>; ARMS] = std::array::from_fn(|arm| Plate::of(geometry, arm, q));
+    std::array::from_fn(|link| plates[ARM_OF_LINK[link]].joint(geometry, link, q))
 }
 
 /// Returns the acceleration of the joint of `link` with the axes at `q` and moving at these rates,
@@ -67,6 +62,22 @@ struct Plate<const N: usize> {
 }
 
 impl<const N: usize> Plate<N> {
+    /// Returns the joint of one of its links.
+    fn joint(&self, geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
+        let arm = ARM_OF_LINK[link];
+        let lever_m = self.rotation * geometry.plate_joints_m[link];
+        Joint {
+            place_m: geometry.carts_m[arm] + geometry.guideways[arm] * q[arm] + lever_m,
+            slopes: std::array::from_fn(|axis| {
+                if axis == arm {
+                    geometry.guideways[arm]
+                } else {
+                    self.turns[axis].cross(&lever_m)
+                }
+            }),
+        }
+    }
+
     fn of(geometry: &f1::Geometry, arm: usize, q: &[f64; N]) -> Self {
         let [q4, q5, q6] = [0, 1, 2].map(|plate| q.get(Q4 + plate).copied().unwrap_or(0.0));
         let turn_axis = Unit::new_normalize(geometry.turn_axis);
@@ -94,7 +105,6 @@ impl<const N: usize> Plate<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gantry_tau_core::model::robot::LINKS;
     use gantry_tau_test_support::vectors::Vectors;
 
     /// The slopes against differences: those of a rotation by 1e-5 rad leave 1e-10 of the lever.

@@ -24,7 +24,7 @@ use nalgebra::{Matrix6, Matrix6x3, Rotation3, SMatrix, SVector, UnitQuaternion, 
 
 use super::backlash::Backlash;
 use super::compliances::RawCompliances;
-use super::joints::{Joint, joint};
+use super::joints::{Joint, joint, joints};
 
 /// The search ends when no step is larger than this, in metres and in radians.
 pub const STEP_TOLERANCE: f64 = 1e-13;
@@ -305,11 +305,11 @@ impl<const N: usize> ElasticMachine<N> {
             matrix: Matrix6::zeros(),
             drives: SMatrix::zeros(),
         };
-        for link in 0..LINKS {
-            let (vector, joint) = self.link(link, axes, pose);
+        for (link, joint) in joints(&self.geometry, &(*axes).into()).iter().enumerate() {
+            let lever = pose.rotation * self.geometry.platform_joints_m[link];
+            let vector = joint.place_m - (pose.translation_m + lever);
             lines.lengths_m[link] = vector.norm();
             let direction = vector.normalize();
-            let lever = pose.rotation * self.geometry.platform_joints_m[link];
             let moment = lever.cross(&direction);
             lines
                 .matrix

@@ -5,6 +5,7 @@ use serde::Deserialize;
 use super::drive_profile::{Interface, MAX_DELAY, Profile, RATED_FORCE_N, TORQUE_LIMIT};
 use super::problems::Problems;
 use super::sections::{Axes, Motors};
+use crate::drive_cascade::POSITION_GAIN;
 
 /// Largest additive torque, per mille of rated torque (S-0-0081).
 const MAX_TORQUE_PERMILLE: i16 = 1_000;
@@ -37,6 +38,8 @@ pub struct DriveKeys {
     pub bias_permille: u32,
     /// Play between each motor and its cart, um.
     pub backlash_um: f64,
+    /// Gain of the position loop: velocity per position error, 1/s.
+    pub position_gain_per_s: f64,
     /// Velocity feed-forward, %; absent: 100.
     pub velocity_feed_forward_percent: f64,
     /// Time of the position loop's integral, ms; absent: that of the profile.
@@ -64,6 +67,7 @@ impl Default for DriveKeys {
             metres_per_turn: 0.01,
             bias_permille: 0,
             backlash_um: 0.0,
+            position_gain_per_s: POSITION_GAIN,
             velocity_feed_forward_percent: 100.0,
             position_integral_ms: None,
             peak_seconds: None,
@@ -113,6 +117,7 @@ pub(super) fn check(drives: &DriveKeys, problems: &mut Problems) {
             d.friction_n,
             most_n,
         ),
+        ("position_gain_per_s", d.position_gain_per_s, 1.0, 499.0),
         ("velocity_feed_forward_percent", percent, 0.0, most_percent),
         (
             "peak_seconds",

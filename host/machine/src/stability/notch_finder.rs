@@ -4,7 +4,6 @@ use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::load_filter::{MAX_NOTCHES, Notch};
 
 use super::{DriveKind, FilterKind, LinearMachine, LoopResponse, TickMap};
-use crate::drive_cascade::POSITION_GAIN;
 use crate::dynamics::MassiveMachine;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
@@ -29,7 +28,7 @@ impl<const N: usize> NotchFinder<N> {
     pub fn of<K: MachineKind<N>>(robot: &RobotFile<K, N>) -> Option<Self> {
         Some(Self {
             machine: MassiveMachine::of(robot)?,
-            drives: DriveKind::cascade(robot, POSITION_GAIN)?,
+            drives: DriveKind::cascade(robot, robot.position_gain_per_s())?,
             filter: FilterKind::of(robot),
         })
     }

@@ -5,7 +5,7 @@ use gantry_tau_core::control::axis::Reference;
 use gantry_tau_machine::robot_file::{Interface, RATED_FORCE_N};
 
 use super::encoder::Motion;
-use super::profile::{MASS_KG, POSITION_GAIN, VELOCITY_GAIN, VELOCITY_INTEGRAL_S};
+use super::profile::{MASS_KG, VELOCITY_GAIN, VELOCITY_INTEGRAL_S};
 use super::{CYCLE_S, SUBSTEP_S, SUBSTEPS, Settings};
 
 /// State of the controllers.
@@ -132,7 +132,9 @@ impl Cascade {
                 // then zero.
                 self.interpolated_m = start_m + way_m * share;
                 let proportional = match settings.interface {
-                    Interface::Position => POSITION_GAIN * (self.interpolated_m - position_m),
+                    Interface::Position => {
+                        settings.position_gain_per_s * (self.interpolated_m - position_m)
+                    }
                     Interface::Velocity => 0.0,
                 };
                 let mut reference_m_per_s = proportional + feed_forward_m_per_s;

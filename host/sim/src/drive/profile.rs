@@ -26,6 +26,8 @@ pub struct Friction {
 pub struct Settings {
     /// Quantity that it follows.
     pub interface: Interface,
+    /// Gain of the position loop: velocity per position error, 1/s.
+    pub position_gain_per_s: f64,
     /// Time of the position loop's integral, s; `None` for a P loop.
     pub position_integral_s: Option<f64>,
     /// Velocity feed-forward, 1 for the velocity of the reference.
@@ -57,6 +59,7 @@ impl Settings {
     /// `[drives]`.
     pub const IDEAL: Self = Self {
         interface: Interface::Position,
+        position_gain_per_s: POSITION_GAIN,
         position_integral_s: None,
         feed_forward: 1.0,
         command_delay_cycles: 0,
@@ -88,6 +91,7 @@ impl From<&DriveKeys> for Settings {
             .or(drives.profile.position_integral_ms());
         Self {
             interface: drives.interface,
+            position_gain_per_s: drives.position_gain_per_s,
             position_integral_s: integral_ms.map(|ms| ms * 1e-3),
             feed_forward: drives.velocity_feed_forward_percent * 0.01,
             command_delay_cycles: drives.command_delay_cycles,

@@ -20,7 +20,7 @@ const TICKS: usize = PULLED + SETTLED;
 const FIRST_SAMPLE_STATES: usize = 3_000;
 /// Tick in which the stream of a session goes wrong: the offsets have not settled, so that every
 /// change of the force would show.
-const WRONG: usize = PULLED + 20;
+const WRONG: usize = PULLED + 100;
 /// States that the last sample serves, as the client's documentation says.
 const SAMPLE_STATES: usize = 100;
 

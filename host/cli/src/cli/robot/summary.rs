@@ -6,6 +6,7 @@ use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{CorrectionKind, RobotFile, RobotFileError};
+use gantry_tau_machine::stability::FilterKind;
 use gantry_tau_machine::workspace::Surveyor;
 use nalgebra::Vector3;
 
@@ -180,13 +181,25 @@ fn springs<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<String> {
     lines
 }
 
+fn filter(filter: &FilterKind) -> String {
+    match filter {
+        FilterKind::FirstOrder { cutoff_hz } => format!("{cutoff_hz} Hz"),
+        FilterKind::SecondOrder { cutoff_hz } => format!("{cutoff_hz} Hz of second order"),
+        FilterKind::Auto {
+            cutoff_hz,
+            notches,
+            notch_q,
+        } => format!("{cutoff_hz} Hz of second order, {notches} notches (Q {notch_q})"),
+    }
+}
+
 /// Force sensor, tool, and what the client makes of them.
 fn sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> [String; 3] {
     let sensor = &robot.sensor;
     let mounted = format!(
-        "{} mm from the tool centre point; low-pass {} Hz, tare over {} samples",
+        "{} mm from the tool centre point; low-pass {}, tare over {} samples",
         list(&sensor.lever_m, 1e3, 1),
-        sensor.cutoff_hz,
+        filter(&FilterKind::of(robot)),
         sensor.tare_samples
     );
     let weight_n = Vector3::from(sensor.tool.weight_n).norm();

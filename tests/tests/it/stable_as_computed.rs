@@ -1,0 +1,151 @@
+//! The simulated machine with the client's compensation swings, or does not, as `gantry-tau
+//! stability` says: two computations of one loop, by integration and by eigenvalues.
+
+use gantry_tau_client::Compensation;
+use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
+use gantry_tau_core::control::message::{Capabilities, Welcome};
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_machine::masses::GRAVITY_M_PER_S2;
+use gantry_tau_machine::model::{F1_MOTORS, MachineKind};
+use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
+use gantry_tau_machine::stability::{Growth, LinearMachine, Loop, NotchFinder, TickMap};
+use gantry_tau_server::plant::Plant;
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_sim::load_generator::{Load, load_generator};
+use gantry_tau_sim::machine::SimulatedMachine;
+
+/// Cycles from a reading to the reference that answers it, in the loop below.
+const LATENCY: usize = 1;
+
+/// A machine with this tool and filter, known exactly, without noise, weight and play.
+fn exact<K: MachineKind<N>, const N: usize>(
+    mut robot: RobotFile<K, N>,
+    tool_kg: f64,
+    filter: FilterKey,
+    cutoff_hz: f64,
+) -> RobotFile<K, N> {
+    robot.simulation.spring_deviation = 0.0;
+    robot.simulation.force_noise_n = 0.0;
+    robot.simulation.moment_noise_nm = 0.0;
+    robot.simulation.jump_gap_m = 0.0;
+    robot.sensor.filter = Some(filter);
+    robot.sensor.cutoff_hz = cutoff_hz;
+    robot.sensor.tare_samples = 1;
+    robot.sensor.tool.weight_n = [0.0, 0.0, -tool_kg * GRAVITY_M_PER_S2];
+    let masses = robot.masses.as_mut().unwrap();
+    masses.tool.mass_kg = tool_kg;
+    masses.has_weight = false;
+    robot
+}
+
+fn computed<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Growth {
+    let finder = NotchFinder::of(robot).unwrap();
+    let (home, axes) = (Pose::at(robot.home_m()), robot.home_q().unwrap());
+    let machine = LinearMachine::at(&finder.machine, &(&home).into(), &axes).unwrap();
+    let map = TickMap::of(&machine, &finder.drives);
+    let notches = finder.at(&home, &axes).unwrap();
+    let notches: Vec<_> = notches.into_iter().flatten().collect();
+    let filter = finder.filter.with(&notches, 1.0);
+    Loop::new(&machine, map, filter, LATENCY).growth().unwrap()
+}
+
+/// Growth of what is left of a tap, 1/s, between two spans of time.
+fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+    growth_per_s: f64,
+) -> f64 {
+    let (mut hand, tool) = load_generator();
+    let mut machine = SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold).unwrap();
+    let welcome = Welcome {
+        epoch: Epoch(1),
+        tick: Tick(0),
+        cycle_us: 1_000,
+        echo_window: 0,
+        capabilities: Capabilities::NONE,
+        kinematics_checksum: 0,
+        limits: robot.limits.map(|axis| axis.limits),
+    };
+    let mut compensation = Compensation::new(robot, &welcome).unwrap();
+    let motors = robot.motor_map::<M>().unwrap();
+    // While what decays faster decays: up to three times e.
+    let apart = (3.0 / growth_per_s.abs()).clamp(0.1, 1.5);
+    let apart = (apart * 1e3).round() as usize;
+    let (first, span) = (400, 300);
+    let mut energies = [0.0; 2];
+    for cycle in 0..first + apart + span {
+        let force_n = if (10..20).contains(&cycle) { 10.0 } else { 0.0 };
+        hand.set(&Load {
+            step: 0,
+            force_n: [force_n, 0.6 * force_n, -force_n],
+            moment_nm: [0.0; 3],
+        })
+        .unwrap();
+        let reading = machine.read(1).unwrap();
+        let shown = reading.tool.unwrap();
+        let offsets: [OffsetNm; N] = compensation
+            .cycle(&Wrench::from_array(shown.sensor), &reading.nominal)
+            .unwrap()
+            .offsets;
+        let parts: [InForce; N] = std::array::from_fn(|axis| InForce {
+            nominal: reading.nominal[axis],
+            offsets: Offsets::position(offsets[axis]),
+        });
+        let references = motors.axis_of_motor().map(|axis| Reference {
+            position: PositionNm(parts[axis].nominal.0 + i64::from(offsets[axis].0)),
+            velocity_offset: VelocityUmS(0),
+            torque_offset: TorquePermille(0),
+        });
+        machine.write(&references, &parts).unwrap();
+        let moved: f64 = shown.displacement_m.iter().map(|m| m * m).sum();
+        for (energy, start) in energies.iter_mut().zip([first, first + apart]) {
+            if (start..start + span).contains(&cycle) {
+                *energy += moved;
+            }
+        }
+    }
+    (energies[1] / energies[0]).ln() / 2.0 / (apart as f64 * 1e-3)
+}
+
+fn agree<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>) -> f64 {
+    let computed = computed(robot);
+    let simulated = simulated::<K, N, M>(robot, computed.per_s);
+    println!(
+        "{simulated:+.2}/s, computed {:+.2}/s at {:.1} Hz",
+        computed.per_s, computed.hz
+    );
+    let off = (simulated - computed.per_s).abs();
+    assert!(
+        off < 0.1 * computed.per_s.abs() + 0.2,
+        "{simulated:+.2}/s, computed {:+.2}/s at {:.1} Hz",
+        computed.per_s,
+        computed.hz
+    );
+    computed.per_s
+}
+
+#[test]
+fn l2() {
+    let robot = |tool_kg, filter, cutoff_hz| {
+        exact(RobotFile::builtin_l2().unwrap(), tool_kg, filter, cutoff_hz)
+    };
+    let agree = |tool_kg, filter, cutoff_hz| agree::<_, 3, 3>(&robot(tool_kg, filter, cutoff_hz));
+    assert!(agree(5.0, FilterKey::FirstOrder, 20.0) > 10.0);
+    assert!(agree(1.835, FilterKey::FirstOrder, 20.0) > -1.0);
+    assert!(agree(5.0, FilterKey::SecondOrder, 6.0) < 0.0);
+    assert!(agree(5.0, FilterKey::Auto, 6.0) < -2.0);
+    assert!(agree(1.835, FilterKey::Auto, 6.0) < -2.0);
+}
+
+#[test]
+fn f1() {
+    let robot = |tool_kg, filter, cutoff_hz| {
+        exact(RobotFile::builtin_f1().unwrap(), tool_kg, filter, cutoff_hz)
+    };
+    let agree = |tool_kg, filter, cutoff_hz| {
+        agree::<_, 6, { F1_MOTORS }>(&robot(tool_kg, filter, cutoff_hz))
+    };
+    agree(10.0, FilterKey::FirstOrder, 20.0);
+    agree(5.0, FilterKey::Auto, 6.0);
+}
