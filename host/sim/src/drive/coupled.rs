@@ -6,11 +6,26 @@
 //! nothing touches; with a bias above half the load both flanks do.
 
 use super::motor::Cart;
-use super::{Drive, mean};
+use super::{Drive, SUBSTEPS, mean};
 
-/// Runs one of the [`SUBSTEPS`](super::SUBSTEPS) of a cycle of the drives of an axis and of its
+/// Runs one cycle of the drives of an axis and of its cart, under `load_n` newtons on the cart.
+/// `is_of_axis` tells a drive by its number.
+pub fn advance(
+    drives: &mut [Drive],
+    is_of_axis: impl Fn(usize) -> bool + Copy,
+    cart: &mut Cart,
+    load_n: f64,
+) {
+    of_axis(drives, is_of_axis).for_each(Drive::begin);
+    for substep in 0..SUBSTEPS {
+        step(drives, is_of_axis, cart, substep, load_n);
+    }
+    of_axis(drives, is_of_axis).for_each(Drive::end);
+}
+
+/// Runs one of the [`SUBSTEPS`] of a cycle of the drives of an axis and of its
 /// cart, under `load_n` newtons on the cart. `is_of_axis` tells a drive by its number.
-pub fn step(
+pub(crate) fn step(
     drives: &mut [Drive],
     is_of_axis: impl Fn(usize) -> bool + Copy,
     cart: &mut Cart,

@@ -45,7 +45,7 @@ impl Pair {
         for _ in 0..500 {
             self.advance(to, 0.0);
         }
-        self.cart.position_m() * 1e6
+        self.cart.motion().0 * 1e6
     }
 
     /// Torques in N, each to half a newton.
@@ -63,7 +63,7 @@ impl Pair {
         for _ in 0..1_000 {
             self.advance(0, to_n);
         }
-        self.cart.position_m() * 1e6
+        self.cart.motion().0 * 1e6
     }
 }
 
