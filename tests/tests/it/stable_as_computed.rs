@@ -69,13 +69,23 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
     };
     let mut compensation = Compensation::new(robot, &welcome).unwrap();
     let motors = robot.motor_map::<M>().unwrap();
-    // While what decays faster decays: up to three times e.
-    let apart = (3.0 / growth_per_s.abs()).clamp(0.1, 1.5);
-    let apart = (apart * 1e3).round() as usize;
-    let (first, span) = (400, 300);
+    // What grows begins at some nanometres, so that it meets no limit; the other vibrations have
+    // decayed before the first span, or are small beside it.
+    let (tap_n, wait_s): (f64, f64) = if growth_per_s > 0.0 {
+        (0.02, (6.0 / growth_per_s).clamp(0.4, 2.5))
+    } else {
+        (20.0, 0.8)
+    };
+    let apart_s = (3.0 / growth_per_s.abs()).clamp(0.1, 1.5);
+    let [first, apart] = [wait_s, apart_s].map(|s| (s * 1e3).round() as usize);
+    let span = 200;
     let mut energies = [0.0; 2];
     for cycle in 0..first + apart + span {
-        let force_n = if (10..20).contains(&cycle) { 10.0 } else { 0.0 };
+        let force_n = if (10..20).contains(&cycle) {
+            tap_n
+        } else {
+            0.0
+        };
         hand.set(&Load {
             step: 0,
             force_n: [force_n, 0.6 * force_n, -force_n],
