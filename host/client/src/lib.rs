@@ -32,6 +32,7 @@ mod compensate;
 mod connection;
 pub mod force_sensor;
 pub mod operator;
+mod oscillation;
 mod run;
 
 use std::fmt;
@@ -51,6 +52,7 @@ use crate::force_sensor::SensorSource;
 pub use compensate::{Compensation, SetupError};
 pub use connection::Connection;
 pub use connection::connected_datagrams;
+pub use oscillation::Oscillation;
 pub use run::{run, run_observed};
 
 /// Options of a client.
@@ -75,7 +77,8 @@ pub struct ClientOptions<K, const N: usize> {
 pub struct ClientControls {
     /// Leave with Goodbye.
     pub quit: AtomicBool,
-    /// Ask for Obtain (once the sensor is tared); otherwise for Submit.
+    /// Ask for Obtain (once the sensor is tared); otherwise for Submit. The client clears it when it
+    /// leaves Obtain because the targets oscillate.
     pub obtain: AtomicBool,
     /// Share of the correction to ask for from the next cycle on, 0 to 1, in place of
     /// `[client] gain`. Only targets change: the server approaches them within its limits.
@@ -117,6 +120,10 @@ pub struct ClientReport {
     pub held: u64,
     /// Cycles whose correction was cut at the limit of an axis.
     pub saturated: u64,
+    /// Departures from Obtain because the targets oscillated.
+    pub oscillations: u64,
+    /// Oscillation of the last of them.
+    pub last_oscillation: Option<Oscillation>,
     /// The recording.
     pub recorded: Option<Recorded>,
 }
