@@ -15,6 +15,8 @@
 
 mod detector;
 mod lowest_mode;
+#[cfg(test)]
+mod on_a_linear_machine;
 mod turning_points;
 
 use std::fmt;

@@ -23,9 +23,16 @@ enum Course {
     #[default]
     Unknown,
     /// All values are within the hysteresis.
-    Level { lowest: Point, highest: Point },
-    Rising { highest: Point },
-    Falling { lowest: Point },
+    Level {
+        lowest: Point,
+        highest: Point,
+    },
+    Rising {
+        highest: Point,
+    },
+    Falling {
+        lowest: Point,
+    },
 }
 
 /// Finder of turning points: an extreme is one as soon as the values have gone back by more than
