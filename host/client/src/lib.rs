@@ -33,6 +33,7 @@ mod connection;
 pub mod force_sensor;
 mod notches;
 pub mod operator;
+mod oscillation;
 mod run;
 mod stability;
 
@@ -53,6 +54,7 @@ use crate::force_sensor::SensorSource;
 pub use compensate::{Compensation, SetupError};
 pub use connection::Connection;
 pub use connection::connected_datagrams;
+pub use oscillation::Oscillation;
 pub use run::{run, run_observed};
 
 /// Options of a client.
@@ -79,7 +81,8 @@ pub struct ClientOptions<K, const N: usize> {
 pub struct ClientControls {
     /// Leave with Goodbye.
     pub quit: AtomicBool,
-    /// Ask for Obtain (once the sensor is tared); otherwise for Submit.
+    /// Ask for Obtain (once the sensor is tared); otherwise for Submit. The client clears it when it
+    /// leaves Obtain because the targets oscillate.
     pub obtain: AtomicBool,
     /// Share of the correction to ask for from the next cycle on, 0 to 1, in place of
     /// `[client] gain`. Only targets change: the server approaches them within its limits.
@@ -121,6 +124,10 @@ pub struct ClientReport {
     pub held: u64,
     /// Cycles whose correction was cut at the limit of an axis.
     pub saturated: u64,
+    /// Departures from Obtain because the targets oscillated.
+    pub oscillations: u64,
+    /// Oscillation of the last of them.
+    pub last_oscillation: Option<Oscillation>,
     /// The recording.
     pub recorded: Option<Recorded>,
 }

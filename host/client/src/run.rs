@@ -16,6 +16,7 @@ use gantry_tau_server::links::sensor::Sample;
 
 use super::compensate::Compensation;
 use super::connection::Connection;
+use super::oscillation::Oscillations;
 use super::stability::HomeMargin;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
 use crate::force_sensor::SensorConnection;
@@ -52,6 +53,8 @@ struct ClientSession<'a, const N: usize> {
     accept_unstable: bool,
     /// Share of the correction that is asked for.
     gain: f64,
+    /// Absent if the robot file turns them off.
+    oscillations: Option<Oscillations<N>>,
 }
 
 /// Connects, submits, obtains, and leaves when asked to.
@@ -143,6 +146,7 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         margin,
         accept_unstable: options.accept_unstable,
         gain: options.robot.client.gain,
+        oscillations: Oscillations::new(&options.robot, &welcome),
     };
     let result = session.answer_until_done();
     let recorded = session.recorder.and_then(|recorder| recorder.finish(0));
@@ -180,6 +184,7 @@ impl<const N: usize> ClientSession<'_, N> {
                 return Err(silent);
             }
             self.answer(&state)?;
+            self.leave_oscillation(&state);
             let sample = self
                 .sample
                 .as_ref()
@@ -284,6 +289,28 @@ impl<const N: usize> ClientSession<'_, N> {
             recorder.push(row, self.events.observe(state));
         }
         Ok(())
+    }
+
+    /// Asks for Submit from the next answer on if the targets of an answered State oscillate, until
+    /// asked to obtain again.
+    fn leave_oscillation(&mut self, state: &State<N>) {
+        let Some(oscillations) = &mut self.oscillations else {
+            return;
+        };
+        if !self.obtaining {
+            oscillations.restart();
+            return;
+        }
+        let nominal = state.axes.map(|axis| axis.nominal);
+        let Some(oscillation) = oscillations.update(state.tick.0, &self.targets, &nominal) else {
+            return;
+        };
+        self.controls.obtain.store(false, Ordering::Relaxed);
+        self.report.oscillations += 1;
+        self.report.last_oscillation = Some(oscillation);
+        tracing::warn!(
+            "{oscillation}: leaving Obtain until asked to obtain again (`gantry-tau stability` tells which filter is stable)"
+        );
     }
 
     /// Computes new targets from a new sample; without one the last targets are sent again, for a

@@ -28,15 +28,15 @@ const TARE: u32 = 50;
 const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// A sensor's sample of each tick.
-type Lie = fn(u64) -> Option<Sample>;
+pub(super) type Lie = fn(u64) -> Option<Sample>;
 
 /// The simulated machine, with a sensor that sends what `lie` makes of each tick, in the cycle as
 /// an honest one would.
-struct Liar {
-    machine: SimulatedMachine<ARMS, L2_MOTORS>,
-    sensor: SensorPublisher,
-    lie: Lie,
-    reads: u64,
+pub(super) struct Liar {
+    pub(super) machine: SimulatedMachine<ARMS, L2_MOTORS>,
+    pub(super) sensor: SensorPublisher,
+    pub(super) lie: Lie,
+    pub(super) reads: u64,
 }
 
 impl Plant<ARMS, L2_MOTORS> for Liar {

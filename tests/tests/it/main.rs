@@ -28,6 +28,7 @@ mod labcomm;
 mod labcomm_page;
 mod no_allocation;
 mod oracle_vectors;
+mod oscillation;
 mod panic_free;
 mod places;
 mod quit;

@@ -88,6 +88,12 @@ impl MachineCommand for Client {
             "left with Goodbye after {} ticks ({} without a correction of their own, {} with a saturated one); the server ramps the offsets to zero",
             report.states, report.held, report.saturated
         ));
+        if let Some(last) = report.last_oscillation {
+            say(format_args!(
+                "left Obtain because of oscillations: {}; the last: {last}",
+                report.oscillations
+            ));
+        }
         if let Some(recorded) = report.recorded {
             say(recorded);
         }

@@ -13,7 +13,7 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use gantry_tau_client::force_sensor::SensorSource;
-use gantry_tau_client::{ClientControls, ClientError, ClientOptions, run_observed};
+use gantry_tau_client::{ClientControls, ClientError, ClientOptions, ClientReport, run_observed};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::Refusal;
 use gantry_tau_machine::model::MachineKind;
@@ -229,7 +229,7 @@ impl<const N: usize> GaugeLink<N> {
                     granted,
                     measured
                         .map_err(LiveError::from)
-                        .and(ended.map(|_| ()).map_err(LiveError::from)),
+                        .and(ended.and_then(stayed).map_err(LiveError::from)),
                 ),
                 Err(_) => (
                     false,
@@ -237,6 +237,16 @@ impl<const N: usize> GaugeLink<N> {
                 ),
             }
         })
+    }
+}
+
+/// Refuses a session that left Obtain by itself: what follows is not measured with compensation.
+fn stayed(report: ClientReport) -> Result<(), ClientError> {
+    match report.last_oscillation {
+        None => Ok(()),
+        Some(oscillation) => Err(ClientError::Setup(format!(
+            "{oscillation}: the series cannot be measured with compensation (`gantry-tau stability` tells which filter is stable)"
+        ))),
     }
 }
 
@@ -250,7 +260,8 @@ impl Drop for Leaving<'_> {
 }
 
 /// Feeds the campaign until the client has ended. It leaves when the campaign is done, or the next
-/// series wants compensation on where it is off, or off where it is on: `obtain`.
+/// series wants compensation on where it is off, or off where it is on: `obtain`; or when it left
+/// Obtain by itself.
 fn follow<const N: usize>(
     ticks: &mut rtrb::Consumer<ProbeTick<N>>,
     campaign: &mut LiveCampaign<N>,
@@ -268,7 +279,11 @@ fn follow<const N: usize>(
                 campaign.key(line.trim())?;
             }
         }
-        let is_other_mode = campaign.is_compensated() != obtain;
+        // The client has left Obtain by itself; the tare comes after the wish to obtain.
+        let has_left = obtain
+            && controls.tared.load(Ordering::Relaxed)
+            && !controls.obtain.load(Ordering::Relaxed);
+        let is_other_mode = has_left || campaign.is_compensated() != obtain;
         if quit.load(Ordering::Relaxed) || campaign.is_done() || is_other_mode {
             controls.quit.store(true, Ordering::Relaxed);
         }

@@ -248,6 +248,13 @@ pub struct ClientKeys {
     pub gain: f64,
     /// Method of computation; absent: exactly with identified springs, else to first order.
     pub correction: Option<CorrectionKind>,
+    /// Leave Obtain when the targets oscillate.
+    #[serde(default = "default_leave_on_oscillation")]
+    pub leave_on_oscillation: bool,
+}
+
+fn default_leave_on_oscillation() -> bool {
+    true
 }
 
 /// `[simulation]`: the simulated machine.

@@ -17,7 +17,7 @@ struct Section {
 }
 
 /// Past of a section.
-pub(super) type Past = [f64; 2];
+pub type Past = [f64; 2];
 
 /// Sections in a row, one sample per cycle.
 #[derive(Clone, Debug, PartialEq, Default)]
@@ -95,12 +95,13 @@ impl Filter {
     }
 
     /// Number of sections.
-    pub(super) fn order(&self) -> usize {
+    #[must_use]
+    pub fn order(&self) -> usize {
         self.sections.len()
     }
 
     /// Takes a sample; `past` has one entry per section, zero at first.
-    pub(super) fn next(&self, past: &mut [Past], sample: f64) -> f64 {
+    pub fn next(&self, past: &mut [Past], sample: f64) -> f64 {
         let in_row = self.sections.iter().zip(past);
         in_row.fold(sample, |x, (Section { b, a }, past)| {
             let y = b[0] * x + past[0];

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Sender, channel};
 
-use gantry_tau_client::Observer;
+use gantry_tau_client::{Observer, Oscillation};
 use gantry_tau_core::control::message::{Capabilities, State, Welcome};
 use gantry_tau_core::units::{Epoch, EpochRange, Tick as CoreTick};
 
@@ -137,6 +137,26 @@ fn a_client_is_asked_to_leave_even_if_the_campaign_hangs() {
         probe.answered(&state, None).unwrap();
         assert_eq!(controls.quit.load(Ordering::Relaxed), is_quitting);
     }
+}
+
+/// Offsets that went to zero by themselves would be measured as compensation.
+#[test]
+fn a_session_that_left_an_oscillation_is_refused() {
+    assert!(stayed(ClientReport::default()).is_ok());
+    let report = ClientReport {
+        oscillations: 1,
+        last_oscillation: Some(Oscillation {
+            axis: 1,
+            is_growing: true,
+            period_us: 50_000,
+            swing_nm: 12_000,
+        }),
+        ..ClientReport::default()
+    };
+    let error = stayed(report).unwrap_err();
+    assert!(is_final(&error));
+    let begin = "axis 2: the targets oscillate at 20.0 Hz with swings of 12.0 um, growing";
+    assert!(error.to_string().starts_with(begin), "{error}");
 }
 
 /// A probe that was welcomed by a server with these capabilities, and its queue of one tick.
