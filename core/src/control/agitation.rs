@@ -14,6 +14,8 @@
 //! corrections pass, and a client that shakes the machine is ended. The budget bounds what any
 //! client can pump into the machine. It does not make a loop stable.
 
+use core::num::NonZeroU32;
+
 /// Budget of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -21,7 +23,7 @@
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct AgitationBudget {
     /// `r`: agitation per tick that can go on for ever, nm; 1 to [`Self::MAX_NM_PER_TICK`].
-    pub nm_per_tick: u32,
+    pub nm_per_tick: NonZeroU32,
 }
 
 impl AgitationBudget {
@@ -30,11 +32,20 @@ impl AgitationBudget {
     /// `B` in ticks of `r`.
     const LIMIT_TICKS: u32 = 1_000;
 
+    /// Returns the budget with this `r`, nm per tick; `None` for zero.
+    #[must_use]
+    pub const fn new(nm_per_tick: u32) -> Option<Self> {
+        match NonZeroU32::new(nm_per_tick) {
+            Some(nm_per_tick) => Some(Self { nm_per_tick }),
+            None => None,
+        }
+    }
+
     /// True if `r` is in its range.
     #[inline]
     #[must_use]
     pub const fn is_valid(&self) -> bool {
-        0 < self.nm_per_tick && self.nm_per_tick <= Self::MAX_NM_PER_TICK
+        self.nm_per_tick.get() <= Self::MAX_NM_PER_TICK
     }
 
     /// Returns `B`, nm.
@@ -42,7 +53,7 @@ impl AgitationBudget {
     #[must_use]
     pub const fn limit_nm(&self) -> u32 {
         // At most 10^9: it does not saturate.
-        self.nm_per_tick.saturating_mul(Self::LIMIT_TICKS)
+        self.nm_per_tick.get().saturating_mul(Self::LIMIT_TICKS)
     }
 }
 
@@ -64,7 +75,7 @@ impl Agitation {
     pub const fn after(self, from: i32, to: i32, budget: &AgitationBudget) -> Self {
         // A sum that saturates is above every `B`.
         let sum = self.0.saturating_add(to.abs_diff(from));
-        Self(sum.saturating_sub(budget.nm_per_tick))
+        Self(sum.saturating_sub(budget.nm_per_tick.get()))
     }
 
     /// True above `B`: the session is over.
@@ -79,7 +90,7 @@ impl Agitation {
 mod tests {
     use super::*;
 
-    const BUDGET: AgitationBudget = AgitationBudget { nm_per_tick: 100 };
+    const BUDGET: AgitationBudget = AgitationBudget::new(100).unwrap();
 
     /// The sum after ticks with these changes of the offset, from rest.
     fn sum_of(changes: impl IntoIterator<Item = i32>) -> u32 {
@@ -115,13 +126,11 @@ mod tests {
     fn a_sum_above_a_thousand_r_exceeds_the_budget() {
         assert!(!Agitation(100_000).exceeds(&BUDGET));
         assert!(Agitation(100_001).exceeds(&BUDGET));
-        let most = AgitationBudget {
-            nm_per_tick: AgitationBudget::MAX_NM_PER_TICK,
-        };
-        assert_eq!(most.limit_nm(), 1_000_000_000);
+        let most = AgitationBudget::new(AgitationBudget::MAX_NM_PER_TICK).unwrap();
         assert!(most.is_valid());
-        for nm_per_tick in [0, AgitationBudget::MAX_NM_PER_TICK + 1, u32::MAX] {
-            assert!(!AgitationBudget { nm_per_tick }.is_valid());
-        }
+        assert_eq!(most.limit_nm(), 1_000_000_000);
+        let more = AgitationBudget::new(AgitationBudget::MAX_NM_PER_TICK + 1).unwrap();
+        assert!(!more.is_valid());
+        assert_eq!(AgitationBudget::new(0), None);
     }
 }

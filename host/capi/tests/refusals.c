@@ -90,6 +90,8 @@ static void configurations(void)
     BAD(CONFIG_TRAVEL, config.axis[3].machine_upper_nm = INT64_MAX);
     BAD(CONFIG_MARGIN, config.axis[2].machine_upper_nm = 1999999);
     ABOUT(2, NONE, 0);
+    BAD(CONFIG_AGITATION, config.axis[1].agitation_nm_per_tick = 1000001);
+    ABOUT(1, NONE, 1000001);
     /* Entries beyond the machine's axes are not read. */
     config = good(3);
     config.axis[3].position.ramp = 0;

@@ -174,7 +174,7 @@ pub enum ConfigError {
         /// Index of the axis.
         axis: usize,
     },
-    /// `r` of the agitation budget is not 1 to [`AgitationBudget::MAX_NM_PER_TICK`].
+    /// `r` of the agitation budget is above [`AgitationBudget::MAX_NM_PER_TICK`].
     Agitation {
         /// Index of the axis.
         axis: usize,
@@ -306,7 +306,7 @@ fn check_axis(axis: usize, config: &AxisConfig) -> Result<(), ConfigError> {
     match config.agitation {
         Some(budget) if !budget.is_valid() => Err(ConfigError::Agitation {
             axis,
-            nm_per_tick: budget.nm_per_tick,
+            nm_per_tick: budget.nm_per_tick.get(),
         }),
         _ => Ok(()),
     }
@@ -366,7 +366,7 @@ mod tests {
     /// The valid axis with this agitation budget.
     fn agitation(nm_per_tick: u32) -> AxisConfig {
         AxisConfig {
-            agitation: Some(AgitationBudget { nm_per_tick }),
+            agitation: AgitationBudget::new(nm_per_tick),
             ..valid_axis()
         }
     }
@@ -393,7 +393,6 @@ mod tests {
             (nominal(-MAX_POSITION_NM, 0), margin),
             (torque(32_767), Ok(())),
             (torque(32_768), Err(ConfigError::TorqueMax { axis: 1 })),
-            (agitation(0), refused(0)),
             (agitation(1), Ok(())),
             (agitation(1_000_000), Ok(())),
             (agitation(1_000_001), refused(1_000_001)),

@@ -11,7 +11,7 @@ const B: i64 = 100_000;
 /// The usual machine with a budget on its first axis.
 fn with_budget() -> Parameters<2> {
     let mut parameters = parameters();
-    parameters.axes[0].agitation = Some(AgitationBudget { nm_per_tick: R });
+    parameters.axes[0].agitation = AgitationBudget::new(R);
     parameters
 }
 
