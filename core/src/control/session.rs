@@ -19,6 +19,8 @@ mod io;
 pub mod recorder;
 mod replay;
 pub(crate) mod step;
+#[cfg(feature = "serde")]
+mod version_4;
 
 use core::fmt;
 
@@ -44,6 +46,8 @@ pub use io::{
 };
 pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};
+#[cfg(feature = "serde")]
+pub use version_4::SessionV4;
 
 /// Black box: the complete inputs and outputs of the last ticks, the session before the oldest, and
 /// the configuration within it. Replaying the inputs from that session reproduces every output, bit
