@@ -3,6 +3,7 @@
 //!
 //! | module | contents |
 //! |---|---|
+//! | [`agitation`] | budget for the second differences of an offset |
 //! | [`axis`] | commands and reports of one axis |
 //! | [`channel`] | one bounded reference value |
 //! | [`position_loop`] | position loop outside a drive that takes velocities `[T 6.2.2]`; feature `position-loop`, default |
@@ -13,6 +14,7 @@
 //! | [`client`] | the client's half of the protocol: bytes in, events and bytes out |
 //! | [`monitor`] | independent run-time check of States and references against limits |
 
+pub mod agitation;
 pub mod axis;
 pub mod channel;
 pub mod client;

@@ -68,6 +68,14 @@ fn configurations_name_the_axis() {
         ConfigError::Margin { axis: 4 },
         "axis 4: machine travel must be wider than nominal travel by the position max at both ends",
     );
+    let nm_per_tick = 1_000_001;
+    says(
+        ConfigError::Agitation {
+            axis: 5,
+            nm_per_tick,
+        },
+        "axis 5: agitation budget is 1000001 nm per tick; 1 to 1000000 are possible",
+    );
     let map = MotorMap::<3, 2>::new([0, 3]).unwrap_err();
     says(
         map,
@@ -241,6 +249,10 @@ fn a_server_says_why_not() {
     }
     assert_eq!(Phase::SafeDisconnect.to_string(), "safe disconnect");
     assert_eq!(Cause::Flood.to_string(), "too many frames in one tick");
+    assert_eq!(
+        Cause::Agitated.to_string(),
+        "an offset was shaken by more than its agitation budget allows"
+    );
 }
 
 #[test]

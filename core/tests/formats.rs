@@ -3,6 +3,7 @@
 #![cfg(feature = "defmt")]
 
 use defmt::Format;
+use gantry_tau_core::control::agitation::{Agitation, AgitationBudget};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits, LimitsError};
 use gantry_tau_core::control::endpoint::{Full, MotorMap, MotorMapError, Transport};
@@ -54,7 +55,7 @@ all! {
     // Counters and flags.
     AxisFlags, Counters,
     // Numbers and configuration.
-    Actual, AxisConfig, AxisLimits, Branch, Capabilities, Config<6>, Connection, Correction<6>, Epoch, EpochRange, InForce, LimitValues,
+    Actual, Agitation, AgitationBudget, AxisConfig, AxisLimits, Branch, Capabilities, Config<6>, Connection, Correction<6>, Epoch, EpochRange, InForce, LimitValues,
     Limits<OffsetNm>, Metres, MissBudget, MotorMap<6, 9>, OffsetNm, Offsets, Parameter, Parameters<6>, PositionNm, Reference, Sequence,
     Tick, TorquePermille, Travel, VelocityUmS, Wrench,
 }

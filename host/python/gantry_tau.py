@@ -51,6 +51,7 @@ CAUSES = (
     "the client said goodbye", "too many missed deadlines within the window", "stopped",
     "the nominal reference stepped further than its limit", "too many frames in one tick", "no command followed the Welcome in time",
     "offsets were in force that the server did not expect: after a restart or a refused write",
+    "an offset was shaken by more than its agitation budget allows",
 )
 REFUSALS = {
     1: "another client owns the session", 2: "offsets are still ramping to zero; try again in {ticks} ticks",

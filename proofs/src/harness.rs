@@ -99,6 +99,8 @@ use ::kani;
 // One feature per family: Kani translates and links every harness it finds, on every run. `only`
 // leaves out the families not named. Measured for a harness of `fsm`: 3.4 s of CPU time alone, 53 s
 // with all families.
+#[cfg(any(not(feature = "only"), feature = "agitation"))]
+mod agitation;
 #[cfg(any(not(feature = "only"), feature = "axis"))]
 mod axis;
 #[cfg(any(not(feature = "only"), feature = "blackbox"))]
@@ -143,6 +145,7 @@ mod wire;
 /// Every harness, family by family.
 #[cfg(not(any(kani, feature = "only")))]
 pub const HARNESSES: &[&[Harness]] = &[
+    agitation::HARNESSES,
     axis::HARNESSES,
     blackbox::HARNESSES,
     capi::HARNESSES,

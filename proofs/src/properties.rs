@@ -1,5 +1,6 @@
 //! The properties, one module per family.
 
+pub mod agitation;
 pub mod axis;
 pub mod blackbox;
 #[cfg(feature = "capi")]

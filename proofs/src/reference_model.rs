@@ -54,6 +54,8 @@ pub struct ReferenceModel<const N: usize> {
     actual: [Actual; N],
     channels: [[Point; 3]; N],
     shadow: [[Point; 3]; N],
+    /// Agitation of each axis, nm.
+    agitation: [i64; N],
 }
 
 /// A channel: its value, and how it changed in the last tick.
@@ -123,6 +125,7 @@ impl<const N: usize> ReferenceModel<N> {
             nominal: start.in_force.map(|axis| axis.nominal.0),
             channels: [[Point::default(); 3]; N],
             shadow: [[Point::default(); 3]; N],
+            agitation: [0; N],
         };
         let is_at_rest = start
             .in_force
@@ -355,6 +358,7 @@ impl<const N: usize> ReferenceModel<N> {
         input: &Input<N>,
     ) -> Decision<N> {
         let end = ENDS.into_iter().find(|cause| accepted.ends.contains(cause));
+        let end = end.or(self.is_agitated().then_some(Cause::Agitated));
         if let (true, Some(cause)) = (self.phase_is_live(), end) {
             return self.disconnect(cause);
         }
@@ -507,7 +511,16 @@ impl<const N: usize> ReferenceModel<N> {
         stepped: bool,
     ) -> (Reference, AxisState) {
         let config = &self.parameters.axes[axis];
-        self.channels[axis] = apply(self.channels[axis], action, axis, &config.limits);
+        let before = self.channels[axis];
+        self.channels[axis] = apply(before, action, axis, &config.limits);
+        self.agitation[axis] = match config.agitation {
+            Some(budget) if self.phase == Phase::Obtain => {
+                let second_difference = self.channels[axis][0].change - before[0].change;
+                let sum = self.agitation[axis] + second_difference.abs();
+                (sum - i64::from(budget.nm_per_tick.get())).max(0)
+            }
+            _ => 0,
+        };
         let limited = if self.phase == Phase::Submit {
             let action = command.map_or(ChannelAction::Hold, |command| {
                 ChannelAction::Follow(command.targets)
@@ -583,6 +596,15 @@ impl<const N: usize> ReferenceModel<N> {
 
     fn is_zero(&self) -> bool {
         self.channels.iter().flatten().all(|point| point.value == 0)
+    }
+
+    /// An axis is above a thousand times what its budget refills per tick.
+    fn is_agitated(&self) -> bool {
+        let mut axes = self.parameters.axes.iter().zip(&self.agitation);
+        axes.any(|(axis, agitation)| {
+            let budget = axis.agitation;
+            budget.is_some_and(|budget| *agitation > 1_000 * i64::from(budget.nm_per_tick.get()))
+        })
     }
 
     fn admits(&self, targets: &[Offsets; N]) -> bool {

@@ -9,6 +9,7 @@ mod on_session;
 pub use on_endpoint::endpoint_is_right;
 pub use on_session::every_tick_is_right;
 
+use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{
@@ -60,6 +61,8 @@ pub struct Machine {
     pub reach: [[u32; 2]; N],
     /// Largest step of the nominal reference of each axis, nm.
     pub nominal_step: [u16; N],
+    /// Agitation budget of each axis, nm per tick.
+    pub agitation: [Option<u16>; N],
     /// Window and allowed misses.
     pub budget: Option<(u8, u8)>,
     /// Echo window.
@@ -213,6 +216,7 @@ impl Machine {
             let nominal_step = self.nominal_step[axis].into();
             AxisConfig {
                 limits,
+                agitation: self.agitation[axis].and_then(|rate| AgitationBudget::new(rate.into())),
                 ..AxisConfig::position_only(limits.position, travel, nominal_step)
             }
         });

@@ -210,6 +210,8 @@ pub enum Cause {
     /// Offsets were in force that the server did not expect: at its start, or after a refused
     /// write.
     Restart,
+    /// The position offset of an axis was shaken by more than its agitation budget allows.
+    Agitated,
 }
 
 /// Counts since the session was granted; they saturate.

@@ -19,9 +19,12 @@ mod io;
 pub mod recorder;
 mod replay;
 pub(crate) mod step;
+#[cfg(feature = "serde")]
+mod version_4;
 
 use core::fmt;
 
+use crate::control::agitation::Agitation;
 use crate::control::axis::{InForce, Offsets};
 use crate::control::message::{Cause, Counters, Phase, Refusal, State, Welcome};
 use crate::units::{Epoch, EpochRange, Sequence, Tick};
@@ -43,6 +46,8 @@ pub use io::{
 };
 pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};
+#[cfg(feature = "serde")]
+pub use version_4::SessionV4;
 
 /// Black box: the complete inputs and outputs of the last ticks, the session before the oldest, and
 /// the configuration within it. Replaying the inputs from that session reproduces every output, bit
@@ -129,7 +134,7 @@ impl<const N: usize> TryFrom<Unchecked<N>> for Session<N> {
     fn try_from(Unchecked { config, parts }: Unchecked<N>) -> Result<Self, Self::Error> {
         let phase = parts.discrete.phase;
         let mut axes = zip(&parts.axes, &config.parameters().axes);
-        let axis = axes.position(|(axis, config)| !axis.is_valid(phase, &config.limits));
+        let axis = axes.position(|(axis, config)| !axis.is_valid(phase, config));
         Self::from_parts(config, parts).ok_or(Contradiction { axis })
     }
 }
@@ -148,7 +153,7 @@ impl fmt::Display for Contradiction {
         self.axis.map_or(Ok(()), |axis| {
             write!(
                 f,
-                ": axis {axis} has an offset beyond its limits, or in the wrong phase"
+                ": axis {axis} has an offset beyond its limits, or an offset or agitation in the wrong phase"
             )
         })
     }
@@ -249,6 +254,7 @@ impl<const N: usize> Session<N> {
         }
         for axis in &mut parts.axes {
             axis.shadow = AxisChannels::ZERO;
+            axis.agitation = Agitation::ZERO;
         }
     }
 
@@ -267,7 +273,7 @@ impl<const N: usize> Session<N> {
         let discrete = &self.parts.discrete;
         let mut axes = zip(&self.parts.axes, &parameters.axes);
         discrete.is_valid(parameters.handshake_ticks)
-            && axes.all(|(axis, config)| axis.is_valid(discrete.phase, &config.limits))
+            && axes.all(|(axis, config)| axis.is_valid(discrete.phase, config))
             && (!self.parts.withheld
                 || matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault))
     }

@@ -39,6 +39,7 @@ static const gt_axis_config l2_limits[L2_AXES] = {
         .nominal_lower_nm = -500000000, .nominal_upper_nm = 2000000000,
         .machine_lower_nm = -510000000, .machine_upper_nm = 2010000000,
         .nominal_step_nm = 2000000,
+        .agitation_nm_per_tick = 100,
     },
     {
         .position = {.max = 2000000, .step = 5000, .accel = 10000, .ramp = 100},
@@ -47,6 +48,7 @@ static const gt_axis_config l2_limits[L2_AXES] = {
         .nominal_lower_nm = -2000000000, .nominal_upper_nm = 500000000,
         .machine_lower_nm = -2010000000, .machine_upper_nm = 510000000,
         .nominal_step_nm = 2000000,
+        .agitation_nm_per_tick = 100,
     },
     {
         .position = {.max = 2000000, .step = 5000, .accel = 10000, .ramp = 100},
@@ -55,6 +57,7 @@ static const gt_axis_config l2_limits[L2_AXES] = {
         .nominal_lower_nm = -500000000, .nominal_upper_nm = 2000000000,
         .machine_lower_nm = -510000000, .machine_upper_nm = 2010000000,
         .nominal_step_nm = 2000000,
+        .agitation_nm_per_tick = 100,
     },
 };
 

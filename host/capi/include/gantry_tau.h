@@ -112,7 +112,7 @@
 #define GT_SERVER_SIZE_3_BLACK_BOX 387328
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 581120
+#define GT_SERVER_SIZE_6_BLACK_BOX 581376
 
 // Largest distance of a drive from what gt_start says is in force, nm.
 #define GT_START_WINDOW_NM 1000000
@@ -219,6 +219,8 @@ enum gt_code
   // The nominal travel is less than M of the position channel inside the machine's travel.
   // `index`: axis.
   GT_CODE_CONFIG_MARGIN = 205,
+  // The agitation budget is above 1000000 nm per tick. `index`: axis, `value`: the budget.
+  GT_CODE_CONFIG_AGITATION = 206,
   // An offset in force is beyond its limits: the server must not start. `index`: axis, `value`:
   // its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
   GT_CODE_START_OFFSET_IN_FORCE = 300,
@@ -402,6 +404,8 @@ enum gt_cause
   // Offsets were in force that the server did not expect: at its start, or after a refused
   // write.
   GT_CAUSE_RESTART = 12,
+  // The position offset of an axis was shaken by more than its agitation budget allows.
+  GT_CAUSE_AGITATED = 13,
   // A cause without a number of its own here.
   GT_CAUSE_OTHER = 255,
 };
@@ -642,6 +646,10 @@ typedef struct gt_axis_config {
   int64_t machine_upper_nm;
   // Largest change of the nominal reference per tick, nm. 0: it must not move.
   uint32_t nominal_step_nm;
+  // Agitation budget: second differences of the position offset that can go on for ever, nm per
+  // tick; a thousand times as much at once ends the session (GT_CAUSE_AGITATED). At most
+  // 1000000; 0: no budget.
+  uint32_t agitation_nm_per_tick;
 } gt_axis_config;
 
 // Configuration of a server. gt_server_config_thesis fills one.

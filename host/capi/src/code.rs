@@ -67,6 +67,8 @@ pub enum gt_code {
     /// The nominal travel is less than M of the position channel inside the machine's travel.
     /// `index`: axis.
     ConfigMargin = 205,
+    /// The agitation budget is above 1000000 nm per tick. `index`: axis, `value`: the budget.
+    ConfigAgitation = 206,
 
     /// An offset in force is beyond its limits: the server must not start. `index`: axis, `value`:
     /// its position offset in nm, `lower`: velocity in um/s, `upper`: torque in per mille.
@@ -149,7 +151,7 @@ pub enum gt_code {
 without_padding!(gt_code);
 
 /// Codes and their names.
-const NAMES: [(gt_code, &CStr); 53] = {
+const NAMES: [(gt_code, &CStr); 54] = {
     use gt_code as Code;
     [
         (Code::Ok, c"GT_CODE_OK"),
@@ -183,6 +185,7 @@ const NAMES: [(gt_code, &CStr); 53] = {
         (Code::ConfigTorqueMax, c"GT_CODE_CONFIG_TORQUE_MAX"),
         (Code::ConfigTravel, c"GT_CODE_CONFIG_TRAVEL"),
         (Code::ConfigMargin, c"GT_CODE_CONFIG_MARGIN"),
+        (Code::ConfigAgitation, c"GT_CODE_CONFIG_AGITATION"),
         (Code::StartOffsetInForce, c"GT_CODE_START_OFFSET_IN_FORCE"),
         (Code::StartDisagrees, c"GT_CODE_START_DISAGREES"),
         (Code::MotorMap, c"GT_CODE_MOTOR_MAP"),

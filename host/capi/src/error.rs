@@ -203,6 +203,9 @@ impl From<ConfigError> for gt_error {
             ConfigError::TorqueMax { axis } => Self::new(Code::ConfigTorqueMax).at(axis),
             ConfigError::Travel { axis } => Self::new(Code::ConfigTravel).at(axis),
             ConfigError::Margin { axis } => Self::new(Code::ConfigMargin).at(axis),
+            ConfigError::Agitation { axis, nm_per_tick } => Self::new(Code::ConfigAgitation)
+                .at(axis)
+                .value(nm_per_tick.into()),
             _ => Code::Other.into(),
         }
     }

@@ -55,7 +55,7 @@ pub const GT_SERVER_SIZE_6: usize = 11_520;
 /// Bytes of a server with 3 axes and a black box.
 pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 387_328;
 /// Bytes of a server with 6 axes and a black box, the largest server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 581_120;
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 581_376;
 
 /// Largest distance of a drive from what gt_start says is in force, nm.
 pub const GT_START_WINDOW_NM: u64 = 1_000_000;

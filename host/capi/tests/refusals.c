@@ -90,6 +90,8 @@ static void configurations(void)
     BAD(CONFIG_TRAVEL, config.axis[3].machine_upper_nm = INT64_MAX);
     BAD(CONFIG_MARGIN, config.axis[2].machine_upper_nm = 1999999);
     ABOUT(2, NONE, 0);
+    BAD(CONFIG_AGITATION, config.axis[1].agitation_nm_per_tick = 1000001);
+    ABOUT(1, NONE, 1000001);
     /* Entries beyond the machine's axes are not read. */
     config = good(3);
     config.axis[3].position.ramp = 0;
@@ -244,7 +246,7 @@ static void servers(void)
     EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_part(server, 0, NULL, 0, &length));
     REFUSE(length != 10)
     EXPECT(OK, gt_server_black_box_part(server, 0, part, 10, &length));
-    REFUSE(length != 10 || memcmp(part, "GTBB\4\6\1\0\0\0", 10) != 0)
+    REFUSE(length != 10 || memcmp(part, "GTBB\5\6\1\0\0\0", 10) != 0)
     EXPECT(OK, gt_server_black_box_part(server, 2, part, sizeof part, &whole));
     memcpy(beginning, part, 8);
     memset(part, 77, sizeof part);

@@ -32,6 +32,7 @@ static const char *const causes[] = {
     [GT_CAUSE_SERVER_LATE] = "ServerLate", [GT_CAUSE_MALFORMED] = "Malformed", [GT_CAUSE_CLOSED] = "Closed",
     [GT_CAUSE_GOODBYE] = "Goodbye", [GT_CAUSE_BUDGET] = "Budget", [GT_CAUSE_STOP] = "Stop", [GT_CAUSE_NOMINAL] = "Nominal",
     [GT_CAUSE_FLOOD] = "Flood", [GT_CAUSE_HANDSHAKE_TIMEOUT] = "HandshakeTimeout", [GT_CAUSE_RESTART] = "Restart",
+    [GT_CAUSE_AGITATED] = "Agitated",
 };
 
 static void check(gt_code code)

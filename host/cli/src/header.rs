@@ -360,9 +360,16 @@ impl Header {
             machine.lower.0, machine.upper.0
         ));
         self.line(format!(
-            "        .nominal_step_nm = {},\n    }},",
+            "        .nominal_step_nm = {},",
             axis.nominal_step_nm
         ));
+        if let Some(budget) = axis.agitation {
+            self.line(format!(
+                "        .agitation_nm_per_tick = {},",
+                budget.nm_per_tick
+            ));
+        }
+        self.line("    },");
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! | line | content |
 //! |---|---|
-//! | 1 | `{"format":"gantry-tau black box","version":4,"axes":3,"ticks":129}` |
+//! | 1 | `{"format":"gantry-tau black box","version":5,"axes":3,"ticks":129}` |
 //! | 2 | `{"config":{...},"parts":{...}}`: the `Session` before the oldest tick |
 //! | 3 on | `{"input":{...},"output":{...}}`: one `Entry` per tick, oldest first; as many as line 1 announces |
 //!
@@ -14,6 +14,8 @@
 //!
 //! A program in C writes the same content in a binary form (`black_box/binary.rs`), which is read
 //! as well.
+//!
+//! Version 4, which has no agitation budgets, is read as well.
 //!
 //! Core validates a session and its configuration on reading. An edited file is replayed like any
 //! other, or refused with line, path and reason. A change to the layout, a field of core gained or

@@ -420,4 +420,5 @@ fn same_limits(core: &AxisConfig, c: &gt_axis_config) -> bool {
         && (core.machine_travel.lower.0, core.machine_travel.upper.0)
             == (c.machine_lower_nm, c.machine_upper_nm)
         && core.nominal_step_nm == c.nominal_step_nm
+        && core.agitation.map_or(0, |budget| budget.nm_per_tick.get()) == c.agitation_nm_per_tick
 }

@@ -16,6 +16,7 @@ fn outranks_a_miss(fsm: &FsmInput) -> bool {
         || fsm.flood
         || fsm.closed
         || fsm.goodbye
+        || fsm.agitated
 }
 
 /// The invariant of the discrete state is kept, and the tick advances by one for each cycle.
@@ -185,6 +186,7 @@ pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 pub fn silence_leads_to_listening(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let silence = FsmInput {
         all_zero: fsm.all_zero,
+        agitated: fsm.agitated,
         ..FsmInput::default()
     };
     let Decision { next, action, .. } = decide(state, &silence, rules);

@@ -73,6 +73,7 @@ pub fn decided_on<const N: usize>(input: &StepInput<N>) -> (FsmInput, Rules) {
         quit: tick.quit,
         rearm: tick.rearm,
         nominal_fault: (0..N).any(|axis| has_stepped(input, axis)),
+        agitated: (0..N).any(|axis| parts.axes[axis].is_agitated(&parameters.axes[axis])),
         skipped: cycles - 1,
         all_zero: !parts.withheld
             && (0..N).all(|axis| parts.axes[axis].channels.offsets() == Offsets::ZERO),
@@ -131,6 +132,7 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     let stepped = array::from_fn(|axis| has_stepped(input, axis));
     let expected = Order {
         action: decision.action,
+        obtains: decision.next.phase == Phase::Obtain,
         shadow,
         stepped,
         holds,
@@ -199,6 +201,7 @@ pub fn axes_act_by_themselves<const N: usize>(
         });
         let command = AxisCommand {
             action: order.action,
+            obtains: order.obtains,
             shadow: order.shadow,
             target: accepted.targets[axis],
             nominal: if order.holds { own.nominal } else { nominal },
@@ -231,20 +234,19 @@ pub fn axis_of_many_stays_valid(
     command: &AxisCommand,
 ) {
     let mut after = *axis;
-    if !after.is_valid(discrete.phase, &config.limits)
-        || (fsm.all_zero && !after.channels.is_zero())
-    {
+    if !after.is_valid(discrete.phase, config) || (fsm.all_zero && !after.channels.is_zero()) {
         return;
     }
     let Decision { next, action, .. } = decide(discrete, fsm, rules);
     let command = AxisCommand {
         action,
+        obtains: next.phase == Phase::Obtain,
         shadow: shadow_of(next.phase, fsm),
         ..*command
     };
     let _ = after.act(&command, config, &mut AxisState::default());
     assert!(
-        after.is_valid(next.phase, &config.limits),
+        after.is_valid(next.phase, config),
         "T6: an axis stays valid, whatever the others do"
     );
     if next.is_live() && !discrete.is_live() {
@@ -281,9 +283,9 @@ pub fn channels_are_bounded<const N: usize>(input: &StepInput<N>, kind: Kind) {
 pub fn axes_stay_valid<const N: usize>(input: &StepInput<N>) {
     let (after, _) = input.step();
     for index in 0..N {
-        let limits = &after.config().parameters().axes[index].limits;
+        let config = &after.config().parameters().axes[index];
         assert!(
-            after.parts().axes[index].is_valid(after.phase(), limits),
+            after.parts().axes[index].is_valid(after.phase(), config),
             "the invariant is kept"
         );
     }

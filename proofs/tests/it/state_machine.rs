@@ -1,4 +1,4 @@
-//! T3 to T7, T9 to T11 on stable Rust: one step from any state. (Sequences from the beginning:
+//! T3 to T7, T9 to T11, T33 on stable Rust: one step from any state. (Sequences from the beginning:
 //! `scenario.rs`.)
 
 use crate::any;
@@ -7,10 +7,13 @@ use gantry_tau_core::control::message::{ClientMessage, Command};
 use gantry_tau_core::control::session::{EVENTS, Event, Events, Input, Start};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
 use gantry_tau_core::verification::control::{Accepted, Axis, Diagnostics, FsmInput, Internals};
+use gantry_tau_proofs::properties::agitation::Spent;
 use gantry_tau_proofs::properties::axis::Kind;
 use gantry_tau_proofs::properties::drive::{self, Before};
 use gantry_tau_proofs::properties::session::StepInput;
-use gantry_tau_proofs::properties::{axis, blackbox, channel, fsm, ingress, motors, session};
+use gantry_tau_proofs::properties::{
+    agitation, axis, blackbox, channel, fsm, ingress, motors, session,
+};
 use proptest::prelude::*;
 
 proptest! {
@@ -19,6 +22,7 @@ proptest! {
     #[test]
     fn one_decision((rules, state) in any::rules().prop_flat_map(|rules| (Just(rules), any::discrete(rules.handshake_ticks))), fsm in any::fsm()) {
         fsm::decision_is_right(&state, &fsm, &rules);
+        agitation::agitation_ends_the_session(&state, &fsm, &rules);
     }
 
     #[test]
@@ -118,11 +122,25 @@ proptest! {
     }
 
     #[test]
+    fn one_agitated_tick(
+        before in any::agitation(), budget in any::agitation_budget(), far: (i32, i32), near in (-300..300_i32, -300..300_i32),
+        refilled in prop_oneof![0..1_000_000_u64, any::<u64>()], slack in 0..3_u64,
+    ) {
+        let sum = u64::from(before.0).saturating_add(refilled).saturating_sub(slack);
+        let spent = Spent { sum, refilled };
+        for changes in [far, near] {
+            agitation::second_differences_are_bounded(before, &spent, changes, &budget);
+            agitation::quiet_is_not_counted(before, changes, &budget);
+        }
+    }
+
+    #[test]
     fn one_order((config, axis) in any::axis(), command in any::axis_command()) {
         for kind in Kind::ALL {
             axis::order_is_bounded(&axis, &command, &config, kind);
             axis::shadow_is_bounded(&axis, &command, &config, kind);
         }
+        agitation::axis_is_counted(&axis, &command, &config);
     }
 
     #[test]

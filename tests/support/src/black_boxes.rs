@@ -1,5 +1,6 @@
 //! Black boxes of sessions with random settings and random clients, seeded.
 
+use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{
@@ -38,8 +39,10 @@ fn config<const N: usize>(random: &mut ChaCha8Rng) -> Config<N> {
         torque: limits(50, 5, 10, 1),
     };
     let reach = Travel::around_zero(random.random_range(1_000..1_000_000_000));
+    let agitation = AgitationBudget::new(random.random_range(1..=2_000));
     let axis = AxisConfig {
         limits,
+        agitation: agitation.filter(|_| random.random_bool(0.5)),
         ..AxisConfig::position_only(limits.position, reach, random.random())
     };
     let budget = MissBudget {

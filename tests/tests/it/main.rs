@@ -9,6 +9,7 @@
     reason = "tests fail by panicking; clippy knows test functions, but not their helpers"
 )]
 
+mod agitation;
 mod bad_sensor;
 mod black_box;
 mod calibration;

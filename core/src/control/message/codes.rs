@@ -79,6 +79,7 @@ coded!(Cause {
     10 => Flood "too many frames in one tick"
     11 => HandshakeTimeout "no command followed the Welcome in time"
     12 => Restart "offsets were in force that the server did not expect: after a restart or a refused write"
+    13 => Agitated "an offset was shaken by more than its agitation budget allows"
 });
 
 impl Refusal {

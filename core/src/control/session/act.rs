@@ -4,8 +4,9 @@
 use super::channels::{AxisChannels, limited};
 use super::config::{AxisConfig, Travel};
 use super::fsm::Action;
+use crate::control::agitation::Agitation;
 use crate::control::axis::{Actual, InForce, Offsets, Reference};
-use crate::control::message::{AxisFlags, AxisLimits, AxisState, Phase};
+use crate::control::message::{AxisFlags, AxisState, Phase};
 use crate::units::PositionNm;
 
 /// State of one axis in a session.
@@ -22,6 +23,8 @@ pub struct Axis {
     pub nominal: PositionNm,
     /// Last measurements of the drive; reported only.
     pub actual: Actual,
+    /// Agitation of the position offset in Obtain.
+    pub agitation: Agitation,
 }
 
 /// Command to one axis in a tick.
@@ -31,6 +34,8 @@ pub struct Axis {
 pub struct AxisCommand {
     /// Action of the channels in force.
     pub action: Action,
+    /// The tick is one of Obtain: what the position offset does counts as agitation.
+    pub obtains: bool,
     /// Action of the shadow; `None`: it rests at zero.
     pub shadow: Option<Action>,
     /// Target of [`Action::Follow`].
@@ -45,14 +50,25 @@ pub struct AxisCommand {
 
 impl Axis {
     /// The invariant, clause by clause: channels and shadow are valid under their limits; before
-    /// Obtain the channels rest at zero (T6); outside Submit the shadow rests at zero.
+    /// Obtain the channels rest at zero (T6); outside Submit the shadow rests at zero; outside
+    /// Obtain, and without a budget, there is no agitation.
     #[must_use]
-    pub fn is_valid(&self, phase: Phase, limits: &AxisLimits) -> bool {
+    pub fn is_valid(&self, phase: Phase, config: &AxisConfig) -> bool {
+        let limits = &config.limits;
         let resting = matches!(phase, Phase::Listening | Phase::Handshake | Phase::Submit);
         self.channels.is_valid(limits)
             && self.shadow.is_valid(limits)
             && (!resting || self.channels.is_at_rest_at_zero())
             && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
+            && (phase == Phase::Obtain && config.agitation.is_some()
+                || self.agitation == Agitation::ZERO)
+    }
+
+    /// True if the agitation is beyond its budget.
+    #[inline]
+    #[must_use]
+    pub fn is_agitated(&self, config: &AxisConfig) -> bool {
+        (config.agitation.as_ref()).is_some_and(|budget| self.agitation.exceeds(budget))
     }
 
     /// Returns the reference of the last tick, before the clamp to the travel. `state` becomes the
@@ -99,7 +115,15 @@ impl Axis {
     ) -> Reference {
         let limits = &config.limits;
         let target = &command.target;
+        let change = self.channels.position.change();
         self.channels.act(command.action, target, limits);
+        self.agitation = match &config.agitation {
+            Some(budget) if command.obtains => {
+                let changed = self.channels.position.change();
+                self.agitation.after(change, changed, budget)
+            }
+            _ => Agitation::ZERO,
+        };
         self.nominal = command.nominal;
         self.actual = command.actual;
         // In Submit it is the shadow that approaches its target.

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::control::agitation::AgitationBudget;
 use crate::control::channel::Limits;
 use crate::control::message::{AxisLimits, Capabilities, MAX_AXES};
 use crate::units::{OffsetNm, PositionNm};
@@ -54,11 +55,13 @@ pub struct AxisConfig {
     pub machine_travel: Travel,
     /// Largest change of the nominal reference per tick, nm. Zero means that it must not move.
     pub nominal_step_nm: u32,
+    /// Budget for the second differences of the position offset; `None`: off.
+    pub agitation: Option<AgitationBudget>,
 }
 
 impl AxisConfig {
-    /// An axis with position offsets only. Its machine travel is wider than `nominal_travel` by
-    /// `M`.
+    /// An axis with position offsets only, without agitation budget. Its machine travel is wider
+    /// than `nominal_travel` by `M`.
     #[must_use]
     pub const fn position_only(
         position: Limits<OffsetNm>,
@@ -81,6 +84,7 @@ impl AxisConfig {
                 upper: PositionNm(nominal_travel.upper.0.saturating_add(reach)),
             },
             nominal_step_nm,
+            agitation: None,
         }
     }
 }
@@ -170,6 +174,13 @@ pub enum ConfigError {
         /// Index of the axis.
         axis: usize,
     },
+    /// `r` of the agitation budget is above [`AgitationBudget::MAX_NM_PER_TICK`].
+    Agitation {
+        /// Index of the axis.
+        axis: usize,
+        /// The refused `r`.
+        nm_per_tick: u32,
+    },
 }
 
 impl fmt::Display for ConfigError {
@@ -192,6 +203,11 @@ impl fmt::Display for ConfigError {
             Self::Margin { axis } => write!(
                 f,
                 "axis {axis}: machine travel must be wider than nominal travel by the position max at both ends"
+            ),
+            Self::Agitation { axis, nm_per_tick } => write!(
+                f,
+                "axis {axis}: agitation budget is {nm_per_tick} nm per tick; 1 to {} are possible",
+                AgitationBudget::MAX_NM_PER_TICK
             ),
         }
     }
@@ -287,7 +303,13 @@ fn check_axis(axis: usize, config: &AxisConfig) -> Result<(), ConfigError> {
     if below < machine.lower.0 || above > machine.upper.0 {
         return Err(ConfigError::Margin { axis });
     }
-    Ok(())
+    match config.agitation {
+        Some(budget) if !budget.is_valid() => Err(ConfigError::Agitation {
+            axis,
+            nm_per_tick: budget.nm_per_tick.get(),
+        }),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -341,11 +363,21 @@ mod tests {
         }
     }
 
+    /// The valid axis with this agitation budget.
+    fn agitation(nm_per_tick: u32) -> AxisConfig {
+        AxisConfig {
+            agitation: AgitationBudget::new(nm_per_tick),
+            ..valid_axis()
+        }
+    }
+
     #[test]
     fn a_configuration_is_refused_by_name() {
         let good = valid_axis();
         let travel = Err(ConfigError::Travel { axis: 1 });
         let margin = Err(ConfigError::Margin { axis: 1 });
+        let axis = 1;
+        let refused = |nm_per_tick| Err(ConfigError::Agitation { axis, nm_per_tick });
         // Nominal travel and offset.
         let reach = 1_001_000_000;
         let beyond = MAX_POSITION_NM + 1;
@@ -361,6 +393,9 @@ mod tests {
             (nominal(-MAX_POSITION_NM, 0), margin),
             (torque(32_767), Ok(())),
             (torque(32_768), Err(ConfigError::TorqueMax { axis: 1 })),
+            (agitation(1), Ok(())),
+            (agitation(1_000_000), Ok(())),
+            (agitation(1_000_001), refused(1_000_001)),
         ];
         for (axis, expected) in cases {
             assert_eq!(

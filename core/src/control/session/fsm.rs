@@ -2,8 +2,8 @@
 //! state and one action.
 //!
 //! It sees no channel and no target. Precedence: stop, fault, framing (and flood), closed, goodbye,
-//! second consecutive miss, budget; each of them takes its first ramp step in the tick that sees
-//! it.
+//! agitation, second consecutive miss, budget; each of them takes its first ramp step in the tick
+//! that sees it.
 
 use super::config::MissBudget;
 use super::io::Connection;
@@ -97,6 +97,8 @@ pub struct FsmInput {
     pub closed: bool,
     /// The owner said goodbye.
     pub goodbye: bool,
+    /// The agitation of an axis is beyond its budget.
+    pub agitated: bool,
     /// The highest fresh valid command: its sequence and mode.
     pub command: Option<(Sequence, Mode)>,
     /// First acceptable Hello: its connection, and the epoch to grant.
@@ -332,8 +334,7 @@ fn decide_ramping(now: FsmState, input: &FsmInput) -> Decision {
     }
 }
 
-/// Returns the cause of an event that ends a session regardless of its commands, in the order of
-/// precedence.
+/// Returns the cause that ends a session regardless of its commands, in the order of precedence.
 const fn ending(input: &FsmInput) -> Option<Cause> {
     if input.framing {
         Some(Cause::Malformed)
@@ -343,6 +344,8 @@ const fn ending(input: &FsmInput) -> Option<Cause> {
         Some(Cause::Closed)
     } else if input.goodbye {
         Some(Cause::Goodbye)
+    } else if input.agitated {
+        Some(Cause::Agitated)
     } else {
         None
     }

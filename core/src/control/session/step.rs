@@ -83,6 +83,8 @@ pub(super) fn step<const N: usize>(
 pub struct Order<const N: usize> {
     /// Action of the channels in force.
     pub action: Action,
+    /// The tick is one of Obtain.
+    pub obtains: bool,
     /// Action of the shadows; `None`: they rest at zero.
     pub shadow: Option<Action>,
     /// Axes whose nominal reference is further from the last one than its limit.
@@ -103,7 +105,8 @@ pub fn order<const N: usize>(
     let stepped = all_nominal_stepped(parameters, axes, tick);
     // Unknown values in force do not count as zero.
     let zero = all_zero(axes) && !known.withheld;
-    let fsm = complete(accepted.fsm, zero, tick, &stepped);
+    let agitated = is_agitated(parameters, axes);
+    let fsm = complete(accepted.fsm, zero, agitated, tick, &stepped);
     // All axes together: some of them moved and some not could be a pose that the machine does not
     // have.
     let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
@@ -118,6 +121,7 @@ pub fn order<const N: usize>(
         fsm,
         Order {
             action: decision.action,
+            obtains: decision.next.phase == Phase::Obtain,
             shadow,
             stepped,
             holds,
@@ -159,6 +163,7 @@ fn command<const N: usize>(
     let (nominal, actual) = reading(index, axis, tick, order.holds)?;
     Some(AxisCommand {
         action: order.action,
+        obtains: order.obtains,
         shadow: order.shadow,
         target: *accepted.targets.get(index)?,
         nominal,
@@ -210,6 +215,7 @@ fn all_nominal_stepped<const N: usize>(
 fn complete<const N: usize>(
     accepted: FsmInput,
     all_zero: bool,
+    agitated: bool,
     tick: &TickInput<N>,
     stepped: &[bool; N],
 ) -> FsmInput {
@@ -221,6 +227,7 @@ fn complete<const N: usize>(
         rearm: tick.rearm,
         skipped: tick.cycles().saturating_sub(1),
         all_zero,
+        agitated,
         nominal_fault: each(stepped).any(|stepped| *stepped),
         ..accepted
     }
@@ -229,6 +236,11 @@ fn complete<const N: usize>(
 /// True if every offset in force is zero.
 pub(super) fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
     each(axes).all(|axis| axis.channels.is_zero())
+}
+
+/// True if the agitation of an axis is beyond its budget.
+fn is_agitated<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N]) -> bool {
+    zip(axes, &parameters.axes).any(|(axis, config)| axis.is_agitated(config))
 }
 
 /// Action of the shadow: it follows fresh commands in Submit and holds over a miss; elsewhere it

@@ -14,6 +14,7 @@ use crate::control::message::{AxisFlags, ClientMessage, Command, Mode, Refusal};
 use crate::control::wire::FrameError;
 use crate::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 
+mod agitation;
 mod invariant;
 
 const OTHER: Connection = Connection(2);

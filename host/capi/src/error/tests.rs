@@ -58,6 +58,7 @@ fn all() -> Vec<Example> {
             ConfigError::TorqueMax { axis: 1 } => at(1),
             ConfigError::Travel { axis: 2 } => at(2),
             ConfigError::Margin { axis: 3 } => at(3),
+            ConfigError::Agitation { axis: 1, nm_per_tick: 1_000_001 } => (1, None, 0, [1_000_001.0, 0.0, 0.0]),
         }
         StartError {
             StartError::OffsetInForce { axis: 2, offsets } => (2, None, 0, [-5.0, 6.0, -7.0]),

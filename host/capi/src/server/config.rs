@@ -1,5 +1,6 @@
 //! Configuration and start of a server.
 
+use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::MotorMap;
@@ -56,6 +57,10 @@ pub struct gt_axis_config {
     pub machine_upper_nm: i64,
     /// Largest change of the nominal reference per tick, nm. 0: it must not move.
     pub nominal_step_nm: u32,
+    /// Agitation budget: second differences of the position offset that can go on for ever, nm per
+    /// tick; a thousand times as much at once ends the session (GT_CAUSE_AGITATED). At most
+    /// 1000000; 0: no budget.
+    pub agitation_nm_per_tick: u32,
 }
 
 /// Configuration of a server. gt_server_config_thesis fills one.
@@ -138,6 +143,7 @@ padded! {
     gt_limits { max step accel ramp }
     gt_axis_config {
         position velocity torque nominal_lower_nm nominal_upper_nm machine_lower_nm machine_upper_nm nominal_step_nm
+        agitation_nm_per_tick
     }
     gt_server_config {
         axes motors axis_of_motor black_box_ticks cycle_us handshake_ticks kinematics_checksum capabilities echo_window
@@ -182,6 +188,7 @@ impl gt_axis_config {
         machine_lower_nm: -2_000_000,
         machine_upper_nm: 2_000_000,
         nominal_step_nm: 0,
+        agitation_nm_per_tick: 0,
     };
 
     pub(crate) fn checked(&self, axis: usize) -> Reply<AxisConfig> {
@@ -194,6 +201,7 @@ impl gt_axis_config {
             nominal_travel: travel(self.nominal_lower_nm, self.nominal_upper_nm),
             machine_travel: travel(self.machine_lower_nm, self.machine_upper_nm),
             nominal_step_nm: self.nominal_step_nm,
+            agitation: AgitationBudget::new(self.agitation_nm_per_tick),
         })
     }
 }

@@ -175,6 +175,8 @@ pub enum gt_cause {
     /// Offsets were in force that the server did not expect: at its start, or after a refused
     /// write.
     Restart = 12,
+    /// The position offset of an axis was shaken by more than its agitation budget allows.
+    Agitated = 13,
     /// A cause without a number of its own here.
     Other = 255,
 }
@@ -419,7 +421,8 @@ impl From<Reference> for gt_reference {
 by_name!(Phase => gt_phase { Listening Handshake Submit Obtain SafeDisconnect Fault });
 
 by_name!(Cause => gt_cause {
-    None ClientLate NetworkLate ServerLate Malformed Closed Goodbye Budget Stop Nominal Flood HandshakeTimeout Restart; else Other
+    None ClientLate NetworkLate ServerLate Malformed Closed Goodbye Budget Stop Nominal Flood HandshakeTimeout Restart
+    Agitated; else Other
 });
 
 impl From<Counters> for gt_counters {

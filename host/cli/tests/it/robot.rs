@@ -15,13 +15,18 @@ fn a_good_file_is_summed_up_with_its_units() {
             "l2, 3 axes, 3 motors",
             [
                 "carts, um/N           0.0406, 0.0509, 0.0600",
+                "agitation, um/s",
                 "18.00 N (0.00, 0.00, -18.00)",
             ],
         ),
         (
             "f1",
             "f1, 6 axes, 9 motors",
-            ["plates, urad/(N m)    2.0000, 2.0000, 2.0000", "tool"],
+            [
+                "plates, urad/(N m)    2.0000, 2.0000, 2.0000",
+                "tool",
+                "ramp per ms",
+            ],
         ),
     ] {
         let said = folder.run(&["robot", "check", robot]).success();

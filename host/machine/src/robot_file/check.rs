@@ -1,5 +1,6 @@
 //! Checks of a robot file, one per section.
 
+use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
 use gantry_tau_core::control::message::AxisLimits;
 use gantry_tau_core::control::session::config::{AxisConfig, Travel};
@@ -69,6 +70,7 @@ fn axis<const N: usize>(
 ) -> Option<AxisConfig> {
     let limits = axis_limits(axes, index, problems);
     let step_nm = nominal_step_nm(axes, index, problems);
+    let agitation = agitation(axes, index, problems);
     let machine_travel = travel("machine_travel_m", &axes.machine_travel_m, index, problems);
     let nominal_travel = travel("nominal_travel_m", &axes.nominal_travel_m, index, problems);
     let config = AxisConfig {
@@ -76,6 +78,7 @@ fn axis<const N: usize>(
         nominal_travel: nominal_travel?,
         machine_travel: machine_travel?,
         nominal_step_nm: step_nm?,
+        agitation: agitation?,
     };
     let AxisConfig {
         nominal_travel: nominal,
@@ -169,6 +172,24 @@ fn nominal_step_nm<const N: usize>(
             None
         }
     }
+}
+
+/// Reads the agitation budget; `Some(None)` without one. At a cycle of 1 ms, 1 µm/s is 1 nm per tick.
+fn agitation<const N: usize>(
+    axes: &Axes<N>,
+    index: usize,
+    problems: &mut Problems,
+) -> Option<Option<AgitationBudget>> {
+    let Some(values) = &axes.position.agitation_um_per_s else {
+        return Some(None);
+    };
+    let budget = AgitationBudget::new(pick(values, index, 0)).filter(AgitationBudget::is_valid);
+    if budget.is_none() {
+        let most = AgitationBudget::MAX_NM_PER_TICK;
+        let reason = format!("must be 1 to {most}; without the key there is no budget");
+        problems.add(axis_key("position.agitation_um_per_s", index), reason);
+    }
+    budget.map(Some)
 }
 
 /// Checks the limits of a channel as core does, and names the key that breaks them.

@@ -113,6 +113,8 @@ pub(super) struct Position<const N: usize> {
     pub(super) step_um: Each<f64, N>,
     pub(super) accel_um: Each<f64, N>,
     pub(super) ramp_um: Each<f64, N>,
+    /// Agitation budget, whole µm/s; absent: none.
+    pub(super) agitation_um_per_s: Option<Each<u32, N>>,
 }
 
 /// `[axes.velocity]`, as [`Position`].

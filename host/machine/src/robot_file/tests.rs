@@ -1,3 +1,4 @@
+use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::model::presets;
 use serde_json::Value;
 
@@ -176,6 +177,26 @@ fn every_error_names_its_key() {
             "axes.metres_per_q[0]",
         ),
         (
+            "agitation_um_per_s = [100, 100,",
+            "agitation_um_per_s = [100, 0,",
+            "axes.position.agitation_um_per_s[1]",
+        ),
+        (
+            "agitation_um_per_s = [100, 100, 100]",
+            "agitation_um_per_s = [100, 100, 1_000_001]",
+            "axes.position.agitation_um_per_s[2]",
+        ),
+        (
+            "agitation_um_per_s = [100, 100, 100]",
+            "agitation_um_per_s = [100, 100]",
+            "axes.position.agitation_um_per_s",
+        ),
+        (
+            "agitation_um_per_s = [100,",
+            "agitation_um_per_s = [100.5,",
+            "axes.position.agitation_um_per_s",
+        ),
+        (
             "ramp_um = [0.1",
             "ramp_um = [0.1005",
             "axes.position.ramp_um[0]",
@@ -284,6 +305,23 @@ fn every_error_names_its_key() {
         error.to_string().starts_with("no/such/robot.toml: "),
         "{error}"
     );
+}
+
+#[test]
+fn an_agitation_budget_is_in_nanometres_per_tick_or_absent() {
+    let budgets = |text: &str| match AnyRobotFile::parse("x.toml", text).unwrap() {
+        AnyRobotFile::L2(robot) => robot.limits.map(|axis| axis.agitation).to_vec(),
+        AnyRobotFile::F1(robot) => robot.limits.map(|axis| axis.agitation).to_vec(),
+    };
+    let key = "agitation_um_per_s = [100, 100, 100]\n";
+    assert_eq!(budgets(L2_TEXT), [AgitationBudget::new(100); 3]);
+    let given = L2_TEXT.replace(key, "agitation_um_per_s = [1, 60, 1_000_000]\n");
+    assert_eq!(
+        budgets(&given),
+        [1, 60, 1_000_000].map(AgitationBudget::new)
+    );
+    assert_eq!(budgets(&L2_TEXT.replace(key, "")), [None; 3]);
+    assert_eq!(budgets(F1_TEXT), [None; 6]);
 }
 
 /// Changes of a text, and the keys of all errors that they cause, in the order of the checks.

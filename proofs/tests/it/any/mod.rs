@@ -1,5 +1,6 @@
 //! Strategies: any value of a type, small and huge alike.
 
+use gantry_tau_core::control::agitation::{Agitation, AgitationBudget};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::{
@@ -102,9 +103,20 @@ pub(crate) fn axis_of(limits: AxisLimits, reach: u32, nominal_step_nm: u32) -> A
 prop_compose! {
     pub(crate) fn axis_config()(
         limits in axis_limits(), reach in prop_oneof![0..1_000_000_u32, any::<u32>()], step in 0..5_000_u32,
+        agitation in option::of(agitation_budget()),
     ) -> AxisConfig {
-        axis_of(limits, reach, step)
+        AxisConfig { agitation, ..axis_of(limits, reach, step) }
     }
+}
+
+pub(crate) fn agitation_budget() -> impl Strategy<Value = AgitationBudget> {
+    let rate = prop_oneof![1..200_u32, 1..=AgitationBudget::MAX_NM_PER_TICK];
+    rate.prop_map(|nm_per_tick| AgitationBudget::new(nm_per_tick).unwrap())
+}
+
+/// Sums about the limits of the budgets, and all others.
+pub(crate) fn agitation() -> impl Strategy<Value = Agitation> {
+    prop_oneof![Just(0), 0..200_000_u32, any::<u32>()].prop_map(Agitation)
 }
 
 pub(crate) fn budget() -> impl Strategy<Value = Option<MissBudget>> {
@@ -174,9 +186,9 @@ prop_compose! {
         command in option::of((number().prop_map(Sequence), mode())),
         hello in option::of((connection(), number().prop_map(Epoch))),
         skipped in prop_oneof![6 => Just(0), 1 => 1..3_u32, 1 => any::<u32>()],
-        (rearm, all_zero) in any::<(bool, bool)>(), quit in rare(),
+        (rearm, all_zero) in any::<(bool, bool)>(), quit in rare(), agitated in rare(),
     ) -> FsmInput {
-        FsmInput { stop, quit, rearm, nominal_fault, framing, flood, closed, goodbye, command, hello, skipped, all_zero }
+        FsmInput { stop, quit, rearm, nominal_fault, framing, flood, closed, goodbye, agitated, command, hello, skipped, all_zero }
     }
 }
 
@@ -221,22 +233,30 @@ pub(crate) fn event<const N: usize>() -> impl Strategy<Value = Event<N>> {
     ]
 }
 
+/// Any sum under a budget, and none without.
+fn agitation_of(config: &AxisConfig) -> impl Strategy<Value = Agitation> + use<> {
+    let counts = config.agitation.is_some();
+    agitation().prop_map(move |sum| if counts { sum } else { Agitation::ZERO })
+}
+
 /// An axis whose channels and shadow are within their limits.
 fn axis_within(
-    limits: AxisLimits,
+    config: AxisConfig,
     nominal: impl Strategy<Value = i64>,
 ) -> impl Strategy<Value = Axis> {
     (
-        axis_channels(limits),
-        axis_channels(limits),
+        axis_channels(config.limits),
+        axis_channels(config.limits),
         nominal.prop_map(PositionNm),
         actual(),
+        agitation_of(&config),
     )
-        .prop_map(|(channels, shadow, nominal, actual)| Axis {
+        .prop_map(|(channels, shadow, nominal, actual, agitation)| Axis {
             channels,
             shadow,
             nominal,
             actual,
+            agitation,
         })
 }
 
@@ -253,7 +273,7 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
         let axes = config
             .parameters()
             .axes
-            .map(|axis| axis_within(axis.limits, -2_000..2_000_i64));
+            .map(|axis| axis_within(axis, -2_000..2_000_i64));
         let flags = (
             any::<bool>(),
             prop::bool::weighted(0.2),
@@ -277,6 +297,11 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
                             axis.shadow
                         } else {
                             AxisChannels::ZERO
+                        },
+                        agitation: if discrete.phase == Phase::Obtain {
+                            axis.agitation
+                        } else {
+                            Agitation::ZERO
                         },
                         ..axis
                     }),
@@ -307,12 +332,14 @@ pub(crate) fn axes_in_force<const N: usize>() -> impl Strategy<Value = [InForce;
 pub(crate) fn order<const N: usize>() -> impl Strategy<Value = Order<N>> {
     (
         action(),
+        any::<bool>(),
         option::of(action()),
         uniform(any::<bool>()),
         any::<bool>(),
     )
-        .prop_map(|(action, shadow, stepped, holds)| Order {
+        .prop_map(|(action, obtains, shadow, stepped, holds)| Order {
             action,
+            obtains,
             shadow,
             stepped,
             holds,
@@ -367,7 +394,7 @@ prop_compose! {
 
 /// An axis with its configuration.
 pub(crate) fn axis() -> impl Strategy<Value = (AxisConfig, Axis)> {
-    axis_config().prop_flat_map(|config| (Just(config), axis_within(config.limits, any::<i64>())))
+    axis_config().prop_flat_map(|config| (Just(config), axis_within(config, any::<i64>())))
 }
 
 fn action() -> impl Strategy<Value = Action> {
@@ -381,8 +408,8 @@ fn action() -> impl Strategy<Value = Action> {
 
 prop_compose! {
     pub(crate) fn axis_command()(
-        action in action(), shadow in option::of(action()), target in offsets(), nominal: i64, nominal_stepped: bool,
+        action in action(), obtains: bool, shadow in option::of(action()), target in offsets(), nominal: i64, nominal_stepped: bool,
     ) -> AxisCommand {
-        AxisCommand { action, shadow, target, nominal: PositionNm(nominal), nominal_stepped, actual: Actual::ZERO }
+        AxisCommand { action, obtains, shadow, target, nominal: PositionNm(nominal), nominal_stepped, actual: Actual::ZERO }
     }
 }

@@ -8,7 +8,7 @@ use super::Seed;
 use super::bytes::{Put, fields, seeds, variants};
 
 fields!(Scenario: machine, in_force, late_in_life, ops);
-fields!(Machine: rates, reach, nominal_step, budget, echo_window, handshake_ticks, lockstep);
+fields!(Machine: rates, reach, nominal_step, agitation, budget, echo_window, handshake_ticks, lockstep);
 fields!(Rates: max, ramp, step, accel, scale);
 fields!(Circumstances: elapsed, stop, rearm, unread, jump, epoch, quit);
 
@@ -59,6 +59,7 @@ const MACHINE: Machine = {
         rates: [[position, push, push], [position, off, off]],
         reach: [[1_000_000; 2], [400_000, 1_000_000]],
         nominal_step: [2_000, 3_000],
+        agitation: [None; 2],
         budget: None,
         echo_window: 0,
         handshake_ticks: 9,
@@ -67,6 +68,7 @@ const MACHINE: Machine = {
 };
 
 const PUSH: Shares = [[90, 50, -50], [-40, 0, 0]];
+const BACK: Shares = [[-90, 50, -50], [40, 0, 0]];
 const HELLO: ClientAction = ClientAction::Hello {
     axes: 0,
     capabilities: 0,
@@ -181,6 +183,10 @@ pub(crate) fn seeds() -> Vec<Seed> {
             owner(command(-1, 0)), Op::Silence(1)]);
         "target_out_of_range" => usual(&[Op::Answer { obtain: true, targets: [[101, 0, 0]; 2], times: 2 }]);
         "reversal" => usual(&[Op::Answer { obtain: true, targets: [[-90, -50, 50], [40, 0, 0]], times: 30 }]);
+        "shakes_beyond_the_budget" => scenario(Machine { agitation: [Some(3), None], ..MACHINE }, obtained(&[PUSH, BACK, PUSH, BACK,
+            PUSH, BACK, PUSH, BACK].map(|targets| Op::Answer { obtain: true, targets, times: 2 })));
+        "shakes_within_the_budget" => scenario(Machine { agitation: [Some(3_000), Some(3_000)], ..MACHINE }, obtained(&[PUSH, BACK, PUSH,
+            BACK].map(|targets| Op::Answer { obtain: true, targets, times: 9 })));
         "broken_stream" => usual(&[owner(ClientAction::Broken), Op::Silence(5)]);
         "flood_with_a_stop" => usual(&[owner(ClientAction::Flood), owner(ClientAction::Stop { epoch: 0 }), Op::Silence(5)]);
         "flood" => usual(&[owner(ClientAction::Flood), Op::Silence(5)]);

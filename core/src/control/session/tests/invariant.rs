@@ -36,7 +36,7 @@ fn channel<U: ChannelUnit>(value: i32, change: i32) -> Channel<U> {
 #[test]
 fn every_clause_of_the_invariant_counts() {
     type Break = fn(&mut Parts<2>);
-    let breaks: [(Phase, Break); 24] = [
+    let breaks: [(Phase, Break); 25] = [
         (Listening, |parts| parts.discrete.owner = Some(OWNER)),
         (Handshake, |parts| parts.discrete.owner = None),
         (Submit, |parts| parts.discrete.owner = None),
@@ -83,6 +83,7 @@ fn every_clause_of_the_invariant_counts() {
         (Obtain, |parts| {
             parts.axes[1].shadow.velocity = channel(1, 0)
         }),
+        (Obtain, |parts| parts.axes[1].agitation = Agitation(1)),
     ];
     for (index, (phase, spoil)) in breaks.into_iter().enumerate() {
         let session = in_phase(phase);

@@ -1,7 +1,7 @@
 //! Summary of a robot file, with units, and of its machine at home.
 
 use gantry_tau_core::control::channel::Limits;
-use gantry_tau_core::control::session::config::Travel;
+use gantry_tau_core::control::session::config::{AxisConfig, Travel};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_machine::model::MachineKind;
@@ -103,6 +103,7 @@ fn axes<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<String> {
         1e3,
         limits.map(|axis| axis.limits.position),
     ));
+    rows.extend(agitation(limits));
     rows.extend(channel(
         "velocity, um/s",
         1.0,
@@ -118,6 +119,19 @@ fn axes<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<String> {
         (0..N).map(|axis| motors.iter().filter(|of| **of == axis).count().to_string()),
     ));
     rows
+}
+
+/// Agitation budgets, if any axis has one. At a cycle of 1 ms, 1 nm per tick is 1 um/s.
+fn agitation<const N: usize>(limits: &[AxisConfig; N]) -> Option<String> {
+    let budgets = limits.map(|axis| axis.agitation);
+    let texts = budgets.map(|budget| {
+        budget.map_or_else(
+            || "none".to_owned(),
+            |budget| budget.nm_per_tick.to_string(),
+        )
+    });
+    let is_budgeted = budgets.iter().any(Option::is_some);
+    is_budgeted.then(|| row("  agitation, um/s", texts))
 }
 
 fn travel<const N: usize>(name: &str, travels: [Travel; N]) -> [String; 2] {
