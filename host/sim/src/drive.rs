@@ -142,6 +142,13 @@ impl Drive {
         self.motor.advance(wanted_n, load_n, &self.settings);
     }
 
+    /// Lets it move this mass in front of the spring of its axis, kg.
+    #[must_use]
+    pub(super) fn moving(mut self, body_kg: f64) -> Self {
+        self.settings.body_kg = body_kg;
+        self
+    }
+
     /// Lets it hold this load at rest, N.
     #[must_use]
     pub(super) fn holding(mut self, load_n: f64) -> Self {

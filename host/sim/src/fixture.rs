@@ -59,6 +59,5 @@ pub(crate) fn parameters() -> SimulationParameters<ARMS> {
         home_q: robot.model.axes_at(&home).unwrap(),
         metres_per_q: [1.0; ARMS],
         motion: Motion::Hold,
-        masses: None,
     }
 }

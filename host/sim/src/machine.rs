@@ -4,7 +4,7 @@
 //! last pose puts on them; the platform takes its new pose with the motors at their positions; the
 //! instruments measure; the interpolator moves on.
 //!
-//! Of a machine with masses the platform is a body in motion ([`MovingPlatform`]), in the same steps
+//! With masses ([`SimulatedMachine::with_masses`]) the platform is a body in motion ([`MovingPlatform`]), in the same steps
 //! as the drives, which move what is in front of the springs; without, it is in equilibrium in every
 //! cycle, and a workpiece pushes with the force that belongs to the pose of the cycle before.
 //!
@@ -124,12 +124,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let start = Equilibrium::at_home(parameters.simulation.home_m);
         let settings = &parameters.drives;
         let drives = std::array::from_fn(|motor| {
-            let axis = motors.axis_of_motor()[motor];
-            let settings = Settings {
-                body_kg: body_kg(parameters, axis, motors_of(&motors, axis)),
-                ..*settings
-            };
-            Drive::at_rest(&references[motor], &settings)
+            Drive::at_rest(&references[motor], settings)
                 .biased(direction(motors.axis_of_motor(), motor))
         });
         let carts = std::array::from_fn(|axis| {
@@ -165,32 +160,32 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         machine
             .settle_platform()
             .map_err(SimulationError::Springs)?;
-        if let Some(masses) = &parameters.masses {
-            machine.set_in_motion(masses, &parameters.home_q)?;
-        }
         machine.sample = machine
             .sensor
             .sample(&Wrench::zero(), &machine.loaded.pose.rotation);
         Ok(machine)
     }
 
-    /// Gives the machine its masses, at rest; the drives hold what it weighs.
-    fn set_in_motion(
-        &mut self,
-        masses: &Masses<N>,
-        home_q: &[f64; N],
-    ) -> Result<(), SimulationError> {
+    /// Lets the machine, which is at rest at home, move by these masses; its drives hold what it
+    /// weighs.
+    ///
+    /// # Errors
+    /// [`SimulationError::NoModes`].
+    pub fn with_masses(mut self, masses: &Masses<N>) -> Result<Self, SimulationError> {
         let elastic = *self.springs.machine();
-        let moving = MovingPlatform::at_rest(elastic, *masses, &self.loaded, home_q)
+        let motors = self.motor_motion();
+        let moving = MovingPlatform::at_rest(elastic, *masses, &self.loaded, &motors.places)
             .ok_or(SimulationError::NoModes)?;
-        let held = moving.drive_loads(&self.motor_motion());
+        let held = moving.drive_loads(&motors);
         for (motor, drive) in self.drives.iter_mut().enumerate() {
             let axis = self.motors.axis_of_motor()[motor];
             let motors = motors_of(&self.motors, axis);
-            *drive = drive.holding(held[axis] / self.metres_per_q[axis] / motors);
+            *drive = drive
+                .moving(masses.motors_kg[axis] / motors)
+                .holding(held[axis] / self.metres_per_q[axis] / motors);
         }
         self.moving = Some(Box::new(moving));
-        Ok(())
+        Ok(self)
     }
 
     /// Puts a workpiece below the tool, in addition to the load.
@@ -526,14 +521,6 @@ impl<const N: usize, const M: usize> VelocityPlant<N, M> for SimulatedMachine<N,
 fn motors_of<const N: usize, const M: usize>(motors: &MotorMap<N, M>, axis: usize) -> f64 {
     let of_axis = motors.axis_of_motor().iter().filter(|of| **of == axis);
     of_axis.count() as f64
-}
-
-/// Returns what each of the motors of an axis moves in front of its spring, kg.
-fn body_kg<const N: usize>(parameters: &SimulationParameters<N>, axis: usize, motors: f64) -> f64 {
-    let masses = parameters.masses.as_ref();
-    masses.map_or(parameters.drives.body_kg, |masses| {
-        masses.motors_kg[axis] / motors
-    })
 }
 
 fn not_advanced(reason: &'static str) -> PlantError {

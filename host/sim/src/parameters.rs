@@ -5,7 +5,6 @@ use std::fmt;
 use gantry_tau_core::model::robot::RobotError;
 use gantry_tau_machine::elastic::ElasticError;
 use gantry_tau_machine::elastic::springs::Springs;
-use gantry_tau_machine::masses::Masses;
 use gantry_tau_machine::model::{MachineKind, Wrist};
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError, Sensor, Simulation};
 use gantry_tau_server::plant::interpolator::{Motion, OutOfRange};
@@ -29,8 +28,6 @@ pub struct SimulationParameters<const N: usize> {
     pub metres_per_q: [f64; N],
     /// Motion of the nominal references.
     pub motion: Motion<N>,
-    /// Masses; `None`: in every cycle the platform is in equilibrium.
-    pub masses: Option<Masses<N>>,
 }
 
 /// Reason why a simulation is refused. Numbers are named by their field in [`SimulationParameters`]
@@ -91,7 +88,6 @@ impl<const N: usize> SimulationParameters<N> {
             home_q: robot.home_q()?,
             metres_per_q: robot.metres_per_q,
             motion,
-            masses: robot.masses,
         })
     }
 }

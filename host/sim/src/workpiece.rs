@@ -5,9 +5,11 @@ use nalgebra::Vector3;
 
 use super::parameters::SimulationError;
 
-/// Largest stiffness, N/m. The force follows the depth of the cycle before: at twice this value and
-/// 1e-6 m/N of the machine it would oscillate.
+/// Largest stiffness below a machine without masses, N/m. The force follows the depth of the cycle
+/// before: at twice this value and 1e-6 m/N of the machine it would oscillate.
 const MAX_STIFFNESS_N_PER_M: f64 = 1e6;
+/// Largest stiffness below a machine with masses, N/m.
+const MAX_STIFFNESS_WITH_MASSES_N_PER_M: f64 = 1e9;
 /// Largest distance between the tool at home and the surface, m.
 const MAX_GAP_M: f64 = 0.01;
 /// Share of its way that the force goes in a cycle: a time constant of 1.4 ms.
@@ -28,7 +30,8 @@ impl Workpiece {
         self.stiffness_n_per_m * (self.surface_m - height_m).max(0.0)
     }
 
-    /// Creates a workpiece whose surface lies `gap_m` below the tool at `home_m`.
+    /// Creates a workpiece whose surface lies `gap_m` below the tool at `home_m`, for a machine with
+    /// masses or without.
     ///
     /// # Errors
     /// [`SimulationError::OutOfRange`]: stiffness or gap.
@@ -36,12 +39,18 @@ impl Workpiece {
         home_m: &[f64; 3],
         stiffness_n_per_m: f64,
         gap_m: f64,
+        has_masses: bool,
     ) -> Result<Self, SimulationError> {
+        let most_n_per_m = if has_masses {
+            MAX_STIFFNESS_WITH_MASSES_N_PER_M
+        } else {
+            MAX_STIFFNESS_N_PER_M
+        };
         check(
             "stiffness of the workpiece (N/m)",
             stiffness_n_per_m,
             1.0,
-            MAX_STIFFNESS_N_PER_M,
+            most_n_per_m,
         )?;
         check("gap above the workpiece (m)", gap_m, 0.0, MAX_GAP_M)?;
         Ok(Self {
@@ -73,7 +82,7 @@ mod tests {
 
     #[test]
     fn it_pushes_where_it_is_touched_and_holds_nothing() {
-        let mut workpiece = Workpiece::below(&[0.0, 0.5, 0.65], 2e5, 1e-4).unwrap();
+        let mut workpiece = Workpiece::below(&[0.0, 0.5, 0.65], 2e5, 1e-4, false).unwrap();
         assert_eq!(settled(&mut workpiece, 0.65), [0.0; 3]);
         let [x, y, z] = settled(&mut workpiece, 0.65 - 2e-4);
         assert!(x == 0.0 && y == 0.0 && (z - 20.0).abs() < 1e-9, "{z}");
@@ -97,7 +106,7 @@ mod tests {
             ),
             (1e5, -1e-6, "gap"),
         ] {
-            let refused = Workpiece::below(&[0.0; 3], stiffness, gap)
+            let refused = Workpiece::below(&[0.0; 3], stiffness, gap, false)
                 .unwrap_err()
                 .to_string();
             assert!(refused.contains(words), "{refused}");

@@ -87,6 +87,7 @@ fn session(lie: Lie, leave_on_oscillation: bool) -> (ClientReport, Vec<TickRecor
         robot,
         record: None,
         obtain: true,
+        accept_unstable: false,
     };
     let controls = Arc::new(ClientControls::default());
     let told = Arc::clone(&controls);

@@ -57,7 +57,13 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
     growth_per_s: f64,
 ) -> f64 {
     let (mut hand, tool) = load_generator();
-    let mut machine = SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold).unwrap();
+    let mut machine = SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold)
+        .and_then(|machine| {
+            machine
+                .with_masses(&robot.masses.unwrap())
+                .map_err(|e| robot.refuse("masses", e))
+        })
+        .unwrap();
     let welcome = Welcome {
         epoch: Epoch(1),
         tick: Tick(0),

@@ -62,8 +62,9 @@ impl Session {
         let (force_max_n, seconds) = match tool {
             Tool::Steps(force_max_n, seconds) => (force_max_n, seconds),
             Tool::Above(n_per_m) => {
-                machine = machine
-                    .above(Workpiece::below(&robot.simulation.home_m, n_per_m, 50e-6).unwrap());
+                machine = machine.above(
+                    Workpiece::below(&robot.simulation.home_m, n_per_m, 50e-6, false).unwrap(),
+                );
                 (0.0, 1.0)
             }
         };

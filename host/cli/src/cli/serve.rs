@@ -112,8 +112,12 @@ pub(crate) struct Serve {
     /// Address of the simulated gauges of a plan
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
     gauges: SocketAddr,
+    /// Let the simulated machine move by the section [masses] of its file, with the inertia of the
+    /// tool in the force sensor; without, its platform is in equilibrium in every cycle
+    #[arg(long, conflicts_with = "plan")]
+    masses: bool,
     /// Put an elastic workpiece of this stiffness, N/m, below the tool, in place of the force
-    /// steps; for controllers of a force
+    /// steps; for controllers of a force. Up to 1e6, with --masses up to 1e9
     #[arg(long, value_name = "N_PER_M", allow_negative_numbers = true, conflicts_with_all = ["force_max", "step_seconds", "plan"])]
     workpiece: Option<f64>,
     /// Distance from the tool at home to the workpiece, um
@@ -192,11 +196,18 @@ impl MachineCommand for Serve {
             let (hand, tool) = load_generator();
             let mut machine =
                 SimulatedMachine::<N, M>::from_robot(&robot, tool, self.motion(&robot)?)?;
+            if self.masses {
+                let reason = "is missing; a machine that moves needs the masses";
+                let masses = robot.masses.ok_or_else(|| robot.refuse("masses", reason))?;
+                machine = machine
+                    .with_masses(&masses)
+                    .map_err(|error| robot.refuse("masses", error))?;
+            }
             let mut force_max_n = self.force_max;
             if let Some(n_per_m) = self.workpiece {
                 let gap_m = self.workpiece_gap * 1e-6;
-                machine =
-                    machine.above(Workpiece::below(&robot.simulation.home_m, n_per_m, gap_m)?);
+                let home_m = &robot.simulation.home_m;
+                machine = machine.above(Workpiece::below(home_m, n_per_m, gap_m, self.masses)?);
                 force_max_n = 0.0;
             }
             let mut load = LoadProfile::new(hand, force_max_n, self.step_seconds);
@@ -516,9 +527,11 @@ impl Serve {
         if !(0.1..=3_600.0).contains(&self.step_seconds) {
             return Err("--step-seconds must be from 0.1 to 3600");
         }
-        if self.plant != PlantChoice::Simulated && (self.plan.is_some() || self.workpiece.is_some())
-        {
-            return Err("--plan and --workpiece need the simulated machine: --plant simulated");
+        let is_simulated = self.plant == PlantChoice::Simulated;
+        if !is_simulated && (self.plan.is_some() || self.workpiece.is_some() || self.masses) {
+            return Err(
+                "--plan, --workpiece and --masses need the simulated machine: --plant simulated",
+            );
         }
         if !(-1_000.0..=1_000.0).contains(&self.motion) {
             return Err("--motion must be from -1000 to 1000 mm");

@@ -1,7 +1,7 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::OffsetNm;
-use gantry_tau_machine::model::{F1, F1_MOTORS};
+use gantry_tau_machine::model::F1_MOTORS;
 use gantry_tau_server::plant::interpolator::Motion;
 use nalgebra::Vector3;
 
@@ -287,15 +287,15 @@ fn another_scale_of_q_is_the_same_machine() {
 #[test]
 fn motors_of_one_cart_share_its_load() {
     let file = RobotFile::builtin_f1().unwrap();
-    hold_a_load(&file, 12_000);
-    let masses = None;
-    hold_a_load(&RobotFile { masses, ..file }, 500);
+    let machine = |tool| SimulatedMachine::from_robot(&file, tool, Motion::Hold).unwrap();
+    hold_a_load(machine, 500);
+    let masses = file.masses.unwrap();
+    hold_a_load(|tool| machine(tool).with_masses(&masses).unwrap(), 12_000);
 }
 
-fn hold_a_load(file: &RobotFile<F1, 6>, cycles: u32) {
+fn hold_a_load(machine: impl FnOnce(AppliedLoad) -> SimulatedMachine<6, F1_MOTORS>, cycles: u32) {
     let (mut hand, tool) = load_generator();
-    let mut machine =
-        SimulatedMachine::<6, { F1_MOTORS }>::from_robot(file, tool, Motion::Hold).unwrap();
+    let mut machine = machine(tool);
     hand.set(&pull([300.0, 0.0, 0.0])).unwrap();
     let mut reading = None;
     for _ in 0..cycles {
