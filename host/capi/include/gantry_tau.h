@@ -47,7 +47,7 @@
 
 // Version of this interface. It changes with every change to a type, a constant or the meaning of
 // a function.
-#define GT_ABI_VERSION 4
+#define GT_ABI_VERSION 5
 
 // Longest part of a black box, bytes.
 #define GT_BLACK_BOX_PART 4096
