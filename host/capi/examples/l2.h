@@ -85,9 +85,15 @@ static const gt_sensor_config l2_sensor = {
     .lever_m = {0.0, 0.0, -0.08},
     .tool_weight_n = {0.0, 0.0, -18.0},
     .tool_centre_m = {0.01, 0.0, -0.12},
-    .cutoff_hz = 20.0,
+    .cutoff_hz = 6.0,
     .cycle_s = 0.001,
     .tare_samples = 1000,
+    .order = 2,
 };
+
+/* Frequencies of the notches of the force sensor's filter with the tool at home, Hz, for gt_sensor_set_notches; 0: no notch. */
+static const double l2_notches_hz[3] = {20.71108278161828, 57.61896771642342, 0.0};
+/* Their Q. */
+#define L2_NOTCH_Q 0.7
 
 #endif

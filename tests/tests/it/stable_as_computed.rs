@@ -78,7 +78,7 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
     // What grows begins at some nanometres, so that it meets no limit; the other vibrations have
     // decayed before the first span, or are small beside it.
     let (tap_n, wait_s): (f64, f64) = if growth_per_s > 0.0 {
-        (0.02, (6.0 / growth_per_s).clamp(0.4, 2.5))
+        (0.2, (5.0 / growth_per_s).clamp(0.3, 2.5))
     } else {
         (20.0, 0.8)
     };
@@ -162,6 +162,5 @@ fn f1() {
     let agree = |tool_kg, filter, cutoff_hz| {
         agree::<_, 6, { F1_MOTORS }>(&robot(tool_kg, filter, cutoff_hz))
     };
-    agree(10.0, FilterKey::FirstOrder, 20.0);
-    agree(5.0, FilterKey::Auto, 6.0);
+    assert!(agree(10.0, FilterKey::FirstOrder, 20.0) > 2.0);
 }

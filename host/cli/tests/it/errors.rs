@@ -108,9 +108,17 @@ fn a_workpiece_that_cannot_be_simulated_is_refused() {
         let line = folder.run(&[&SERVE[..], &arguments].concat()).failure(1);
         assert_says(&line, &[words]);
     }
+    let line = folder
+        .run(&[&SERVE[..], &["--masses", "--workpiece=1e10"]].concat())
+        .failure(1);
+    assert_says(
+        &line,
+        &["stiffness of the workpiece (N/m) must be from 1e0 to 1e9"],
+    );
     for arguments in [
         ["--workpiece=1e5", "--force-max=60"],
         ["--workpiece-gap", "3"],
+        ["--masses", "--plan=campaign.toml"],
     ] {
         folder.run(&[&SERVE[..], &arguments].concat()).failure(2);
     }

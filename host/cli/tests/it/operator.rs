@@ -68,14 +68,14 @@ fn the_operator_switches_submit_obtain_and_gain_without_a_jump() {
         "gain \"1.5\" is not a number from 0 to 1",
     );
     typed(&mut client, "status", ", obtain: offsets ");
-    await_rows(&folder, &mut server, 1_200);
+    await_rows(&folder, &mut server, 2_400);
     for gain in ["0", "0.5"] {
         typed(
             &mut client,
             &format!("gain {gain}"),
             &format!("gain {gain}: the server moves the offsets"),
         );
-        await_rows(&folder, &mut server, 1_200);
+        await_rows(&folder, &mut server, 2_400);
     }
     typed(&mut client, "submit", "submitting: ");
     server.await_words("Obtain -> Submit");

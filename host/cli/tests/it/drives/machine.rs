@@ -363,7 +363,7 @@ fn the_demo_is_as_good_with_the_default_profile() {
             "--pace",
             "lockstep",
             "--step-seconds",
-            "0.2",
+            "1",
             "--force-max",
             "120",
         ]);
