@@ -205,7 +205,11 @@ fn mark(marks: &mut [Option<Footprint>; 10], elapsed: Duration, duration: Durati
 type Rows = rtrb::Consumer<TickRecord<N>>;
 
 fn server() -> (Server<N>, Rows, Audit<N>) {
-    let robot = RobotFile::<L2, N>::builtin_l2().unwrap();
+    let mut robot = RobotFile::<L2, N>::builtin_l2().unwrap();
+    // The clients of the soak ask for random targets.
+    for axis in &mut robot.limits {
+        axis.agitation = None;
+    }
     let mut waypoint = robot.home_q().unwrap();
     for (place, scale) in waypoint.iter_mut().zip(robot.metres_per_q) {
         *place = *place * scale + 0.01;

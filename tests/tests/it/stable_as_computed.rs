@@ -85,6 +85,7 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
     let apart_s = (3.0 / growth_per_s.abs()).clamp(0.1, 1.5);
     let [first, apart] = [wait_s, apart_s].map(|s| (s * 1e3).round() as usize);
     let span = 200;
+    let mut waiting = [OffsetNm(0); N];
     let mut energies = [0.0; 2];
     for cycle in 0..first + apart + span {
         let force_n = if (10..20).contains(&cycle) {
@@ -100,10 +101,12 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
         .unwrap();
         let reading = machine.read(1).unwrap();
         let shown = reading.tool.unwrap();
-        let offsets: [OffsetNm; N] = compensation
+        let answer = compensation
             .cycle(&Wrench::from_array(shown.sensor), &reading.nominal)
             .unwrap()
             .offsets;
+        // A server writes an answer in the next tick.
+        let offsets: [OffsetNm; N] = std::mem::replace(&mut waiting, answer);
         let parts: [InForce; N] = std::array::from_fn(|axis| InForce {
             nominal: reading.nominal[axis],
             offsets: Offsets::position(offsets[axis]),
