@@ -332,9 +332,7 @@ impl ForceSensor {
         };
         within(&state.tare, mean)
             && within(&state.filtered, filtered)
-            && state.sections.iter().all(|section| {
-                within(&section.band, WIDEST_SECTION) && within(&section.low, WIDEST_SECTION)
-            })
+            && state.sections.iter().all(is_section)
     }
 
     /// Moves the notches behind a low-pass of second order to other frequencies, within
@@ -394,35 +392,26 @@ impl ForceSensor {
         if rotation_deviation(rotation) > MAX_ROTATION_DEVIATION {
             return Err(SensorError::PlatformNotRotation);
         }
-        let taring = self.state.tare_remaining.checked_sub(1);
-        let mut next = *self;
-        match taring {
-            Some(remaining) => next.state = self.tared(raw, rotation, remaining),
-            None => next.take(&self.load(raw, rotation)),
+        if let Some(remaining) = self.state.tare_remaining.checked_sub(1) {
+            let tare = self.tare(raw, rotation, remaining);
+            keep(&mut self.state.tare, tare, WIDEST_TARE)?;
+            self.state.tare_remaining = remaining;
+            return Ok(Reading::Taring { remaining });
         }
-        if !next.is_valid() {
-            return Err(SensorError::BadReading);
-        }
-        *self = next;
-        Ok(match taring {
-            Some(remaining) => Reading::Taring { remaining },
-            None => Reading::Load(self.state.filtered),
-        })
+        let load = self.load(raw, rotation);
+        self.take(&load)?;
+        Ok(Reading::Load(self.state.filtered))
     }
 
-    /// The state with one more sample in the tare, and `remaining` to go.
-    fn tared(&self, raw: &Wrench, rotation: &Matrix3<f64>, remaining: u32) -> SensorState {
+    /// The mean with one more sample, and `remaining` to go.
+    fn tare(&self, raw: &Wrench, rotation: &Matrix3<f64>, remaining: u32) -> Wrench {
         let taken = self.config.tare_samples.saturating_sub(remaining);
         let share = 1.0 / f64::from(taken);
         let weight = self.weight(rotation);
         let mut tare = self.state.tare;
         tare.force_n += (raw.force_n - weight.force_n - tare.force_n) * share;
         tare.moment_nm += (raw.moment_nm - weight.moment_nm - tare.moment_nm) * share;
-        SensorState {
-            tare_remaining: remaining,
-            tare,
-            ..self.state
-        }
+        tare
     }
 
     /// The load of a sample, before the filter.
@@ -437,15 +426,24 @@ impl ForceSensor {
     }
 
     /// Takes a load into the filter.
-    fn take(&mut self, load: &Wrench) {
-        let filtered = &mut self.state.filtered;
+    fn take(&mut self, load: &Wrench) -> Result<(), SensorError> {
         match &mut self.filter {
             Filter::FirstOrder(share) => {
+                let mut filtered = self.state.filtered;
                 filtered.force_n += (load.force_n - filtered.force_n) * *share;
                 filtered.moment_nm += (load.moment_nm - filtered.moment_nm) * *share;
+                keep(&mut self.state.filtered, filtered, WIDEST_LOAD)
             }
             Filter::SecondOrder(filter) => {
-                *filtered = filter.next(&mut self.state.sections, load);
+                let (mut next, mut sections) = (*filter, self.state.sections);
+                let filtered = next.next(&mut sections, load);
+                if !sections.iter().all(is_section) {
+                    return Err(SensorError::BadReading);
+                }
+                keep(&mut self.state.filtered, filtered, WIDEST_SECTION)?;
+                self.state.sections = sections;
+                *filter = next;
+                Ok(())
             }
         }
     }
@@ -469,6 +467,20 @@ impl ForceSensor {
     fn in_sensor(&self, v: &Vector3<f64>) -> Vector3<f64> {
         times(&self.config.rotation.transpose(), v)
     }
+}
+
+/// Keeps a new value whose components are at most `limit` in magnitude.
+fn keep(kept: &mut Wrench, new: Wrench, limit: f64) -> Result<(), SensorError> {
+    if !within(&new, limit) {
+        return Err(SensorError::BadReading);
+    }
+    *kept = new;
+    Ok(())
+}
+
+/// True of integrators that the invariant allows.
+fn is_section(section: &SectionState) -> bool {
+    within(&section.band, WIDEST_SECTION) && within(&section.low, WIDEST_SECTION)
 }
 
 /// True if every component is at most `limit` in magnitude; false for NaN.

@@ -78,7 +78,7 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
     // What grows begins at some nanometres, so that it meets no limit; the other vibrations have
     // decayed before the first span, or are small beside it.
     let (tap_n, wait_s): (f64, f64) = if growth_per_s > 0.0 {
-        (0.2, (5.0 / growth_per_s).clamp(0.3, 2.5))
+        (0.02, (5.0 / growth_per_s).clamp(0.3, 2.5))
     } else {
         (20.0, 0.8)
     };
