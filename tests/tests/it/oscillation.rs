@@ -37,7 +37,8 @@ const QUITS: u64 = 8_000;
 /// A load along x that swings from 4 N on, `e` times as wide every third of a second, up to 400 N;
 /// then 30 N.
 fn growing(tick: u64) -> Option<Sample> {
-    let t = tick.saturating_sub(SWINGS) as f64 * 1e-3;
+    let swinging = u32::try_from(tick.saturating_sub(SWINGS)).unwrap();
+    let t = f64::from(swinging) * 1e-3;
     let force_n = match tick {
         ..SWINGS => 0.0,
         SWINGS..RESTS => (4.0 * (3.0 * t).exp()).min(400.0) * (TAU * HZ * t).sin(),
@@ -49,7 +50,7 @@ fn growing(tick: u64) -> Option<Sample> {
 
 /// Load steps of 60 N, two a second.
 fn steps(tick: u64) -> Option<Sample> {
-    let is_pulled = tick > SWINGS && (tick / 250).is_multiple_of(2);
+    let is_pulled = tick > SWINGS && (tick / 250) % 2 == 0;
     let force_n = if is_pulled { 60.0 } else { 0.0 };
     let wrench = [force_n, 0.0, 0.0, 0.0, 0.0, 0.0];
     Some(Sample { tick, wrench })

@@ -141,11 +141,7 @@ mod tests {
             value += if number % 2 == 0 { *size } else { -size };
             turning.push(value);
         }
-        let back = if sizes_nm.len().is_multiple_of(2) {
-            FAR
-        } else {
-            -FAR
-        };
+        let back = if sizes_nm.len() % 2 == 0 { FAR } else { -FAR };
         turning.push(back);
         let mut detector = Detector::new(STEP_NM);
         let mut points = (0..).step_by(10).zip(turning);
@@ -210,7 +206,7 @@ mod tests {
         }
     }
 
-    /// What is slower than the lowest mode is work.
+    /// Swings slower than the machine are work.
     #[test]
     fn slow_swings_are_left() {
         for hz in [0.5, 3.0, 6.0, 12.0] {
@@ -223,13 +219,11 @@ mod tests {
     #[test]
     fn steps_ramps_and_noise_are_left() {
         let square = |ticks: u32| {
-            (0..5_000_u32).map(move |tick| {
-                if (tick / ticks).is_multiple_of(2) {
-                    0.0
-                } else {
-                    250e3
-                }
-            })
+            (0..5_000_u32).map(
+                move |tick| {
+                    if (tick / ticks) % 2 == 0 { 0.0 } else { 250e3 }
+                },
+            )
         };
         for ticks in [41, 100, 500] {
             assert_eq!(first(square(ticks)), None, "{ticks} ticks");
@@ -308,7 +302,7 @@ mod tests {
         for swing in 0..90_u64 {
             // The swing that ends at number 15, 30, .. is long.
             let tick = 10 * swing + 100 * (swing / 15);
-            let nm = if swing.is_multiple_of(2) { 0 } else { 40_000 };
+            let nm = if swing % 2 == 0 { 0 } else { 40_000 };
             found += u32::from(detector.update(tick, nm, LONGEST).is_some());
         }
         assert_eq!(found, 0);
@@ -318,7 +312,7 @@ mod tests {
     fn restarting_forgets_every_swing() {
         let mut detector = Detector::new(STEP_NM);
         for (tick, nm) in (0_u64..).zip(sine(20.7, 40.0, 0.0, 20.0)) {
-            if tick.is_multiple_of(350) {
+            if tick % 350 == 0 {
                 detector.restart();
             }
             assert_eq!(detector.update(tick, nm as i32, LONGEST), None);
@@ -331,11 +325,7 @@ mod tests {
             let mut detector = Detector::new(step_nm);
             let capacity = detector.swings.capacity();
             for tick in 0..10_000_u64 {
-                let nm = if tick.is_multiple_of(2) {
-                    i32::MAX
-                } else {
-                    i32::MIN
-                };
+                let nm = if tick % 2 == 0 { i32::MAX } else { i32::MIN };
                 let pattern = detector.update(tick, nm, LONGEST);
                 assert!(pattern.is_none_or(|pattern| pattern.period_us >= 2_000));
             }
