@@ -40,7 +40,6 @@ pub fn cos(angle_rad: f64) -> f64 {
 /// Tangent of an angle in radians.
 #[inline]
 #[must_use]
-#[expect(clippy::disallowed_methods, reason = "this is the seam")]
 pub fn tan(angle_rad: f64) -> f64 {
     libm::tan(angle_rad)
 }

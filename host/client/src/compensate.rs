@@ -122,8 +122,10 @@ impl<const N: usize> Compensation<N> {
         let Some(following) = &mut self.notches else {
             return Ok(());
         };
-        let axes =
-            std::array::from_fn(|axis| nominal[axis].to_metres().0 / self.metres_per_q[axis]);
+        let mut axes = [0.0; N];
+        for ((axis, nominal), metres) in axes.iter_mut().zip(nominal).zip(&self.metres_per_q) {
+            *axis = nominal.to_metres().0 / metres;
+        }
         match following.follow(pose, &axes) {
             Some(notches) => self.sensor.set_notches(&notches),
             None => Ok(()),
