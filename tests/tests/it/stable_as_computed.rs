@@ -1,6 +1,8 @@
 //! The simulated machine with the client's compensation swings, or does not, as `gantry-tau
 //! stability` says: two computations of one loop, by integration and by eigenvalues.
 
+use std::time::Duration;
+
 use gantry_tau_client::Compensation;
 use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
 use gantry_tau_core::control::message::{Capabilities, Welcome};
@@ -83,7 +85,8 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
         (20.0, 0.8)
     };
     let apart_s = (3.0 / growth_per_s.abs()).clamp(0.1, 1.5);
-    let [first, apart] = [wait_s, apart_s].map(|s| (s * 1e3).round() as usize);
+    let [first, apart] =
+        [wait_s, apart_s].map(|s| usize::try_from(Duration::from_secs_f64(s).as_millis()).unwrap());
     let span = 200;
     let mut waiting = [OffsetNm(0); N];
     let mut energies = [0.0; 2];
@@ -124,7 +127,9 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
             }
         }
     }
-    (energies[1] / energies[0]).ln() / 2.0 / (apart as f64 * 1e-3)
+    (energies[1] / energies[0]).ln()
+        / 2.0
+        / Duration::from_millis(apart.try_into().unwrap()).as_secs_f64()
 }
 
 fn agree<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K, N>) -> f64 {
