@@ -33,7 +33,7 @@ impl HomeMargin {
         let margin = self.whole? / gain;
         (margin < MIN_MARGIN).then(|| {
             format!(
-                "{}: the compensation may swing: its margin at home is {margin:.2}, and {MIN_MARGIN} is required; see `gantry-tau stability`, or use --accept-unstable",
+                "{}: the compensation may swing: its margin at home is {margin:.2}, and {MIN_MARGIN} is required; see `gantry-tau stability` (`gantry-tau client --accept-unstable` obtains all the same)",
                 self.robot
             )
         })

@@ -14,12 +14,12 @@ use gantry_tau_machine::dynamics::coordinates::{product, transposed_product};
 use gantry_tau_machine::dynamics::{CoordinateMatrix, Coordinates, MassiveMachine, Modes, State};
 use gantry_tau_machine::elastic::{ElasticMachine, Equilibrium, Pose};
 use gantry_tau_machine::masses::Masses;
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector6};
 
 use super::workpiece::Workpiece;
 use gantry_tau_machine::drive_cascade::SUBSTEP_S;
 
-/// Way of an axis after which modes and damping are found anew, m of a cart or rad of a plate.
+/// Way of an axis after which modes and damping are computed again, q-units.
 const MOVED: f64 = 5e-3;
 
 /// Motors of the axes: q-units, and per second.
@@ -36,8 +36,9 @@ pub struct Motors<const N: usize> {
 pub struct MovingPlatform<const N: usize> {
     machine: MassiveMachine<N>,
     state: State<N>,
-    /// What the springs of links and axes carry at home, N, and along `+q`.
+    /// Tensions of the links by the weight at home, N.
     links_at_home_n: Vector6<f64>,
+    /// Loads of the axes by it, along `+q`.
     axes_at_home: SVector<f64, N>,
     damping: Damping<N>,
     /// Inverse of the mass matrix.
@@ -209,20 +210,26 @@ impl<const N: usize> MovingPlatform<N> {
         } + self.free
             + damped;
         let changes = self.mobility.times(&forces);
-        let rates = rates + changes * SUBSTEP_S;
-        let [moved_m, turned_rad] =
-            [0, 3].map(|row| rates.platform.fixed_rows::<3>(row).into_owned() * SUBSTEP_S);
-        self.state = State {
-            pose: Pose {
-                translation_m: pose.translation_m + moved_m,
-                rotation: UnitQuaternion::from_scaled_axis(turned_rad) * pose.rotation,
-            },
-            axes: std::array::from_fn(|axis| axes[axis] + rates.axes[axis] * SUBSTEP_S),
-            rates,
-        };
-        let omega: Vector3<f64> = rates.platform.fixed_rows::<3>(3).into_owned();
+        let omega = rates.platform.fixed_rows::<3>(3).into_owned();
         let tool = &self.machine.masses.tool;
         self.sensor_load = load - tool.inertial_load(&pose.rotation, &changes.platform, &omega);
+        self.state = moved(&self.state, &changes);
+    }
+}
+
+/// Returns a state a step later, under these changes of its rates per second.
+fn moved<const N: usize>(state: &State<N>, changes: &Coordinates<N>) -> State<N> {
+    let State { pose, axes, rates } = state;
+    let rates = *rates + *changes * SUBSTEP_S;
+    let [moved_m, turned_rad] =
+        [0, 3].map(|row| rates.platform.fixed_rows::<3>(row).into_owned() * SUBSTEP_S);
+    State {
+        pose: Pose {
+            translation_m: pose.translation_m + moved_m,
+            rotation: UnitQuaternion::from_scaled_axis(turned_rad) * pose.rotation,
+        },
+        axes: std::array::from_fn(|axis| axes[axis] + rates.axes[axis] * SUBSTEP_S),
+        rates,
     }
 }
 

@@ -3,6 +3,7 @@
 #[cfg(target_os = "linux")]
 mod ethercat;
 mod position_loop;
+mod sensor;
 
 use std::hint::black_box;
 
@@ -39,6 +40,8 @@ pub(crate) const CALLS: &[Call] = &[
     call("six_forward_warm", Some(5_000), six_forward_warm),
     call("six_jacobian", Some(2_200), six_jacobian),
     call("six_compensation", Some(7_000), six_compensation),
+    call("sensor_first_order", None, sensor::first_order),
+    call("sensor_second_order", None, sensor::second_order),
     call("session_tick", Some(2_800), session_tick),
     call("position_loop_axis", Some(220), position_loop::axis),
     call(

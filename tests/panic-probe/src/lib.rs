@@ -11,6 +11,7 @@ use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
 use gantry_tau_core::control::position_loop::{LoopInput, PositionLoops};
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
 use gantry_tau_core::model::kinematics::{Pose, WARM_ITERATIONS};
+use gantry_tau_core::model::load_filter::Notch;
 use gantry_tau_core::model::robot::Compliances;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
@@ -179,11 +180,11 @@ fn compensate(
         metres_per_q: [1.0; 3],
     };
     let compensator = l2::Compensator::new(&kinematics, &compliances, config).ok()?;
-    let Reading::Load(load) = ForceSensor::new(*mounting)
-        .ok()?
-        .update(&Wrench::from_array(*raw), platform)
-        .ok()?
-    else {
+    let mut sensor = ForceSensor::new(*mounting).ok()?;
+    let notch = Notch { hz: gain, q: gain };
+    sensor.set_notches(&[Some(notch), None, Some(notch)]).ok()?;
+    let reading = sensor.update(&Wrench::from_array(*raw), platform).ok()?;
+    let Reading::Load(load) = reading else {
         return None;
     };
     let inverse = kinematics.inverse(tcp_m).map_or(0.0, |q| q.iter().sum());

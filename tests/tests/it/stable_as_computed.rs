@@ -3,20 +3,16 @@
 
 use std::time::Duration;
 
-use gantry_tau_client::Compensation;
-use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
-use gantry_tau_core::control::message::{Capabilities, Welcome};
 use gantry_tau_core::model::kinematics::Pose;
-use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::OffsetNm;
 use gantry_tau_machine::masses::GRAVITY_M_PER_S2;
 use gantry_tau_machine::model::{F1_MOTORS, MachineKind};
 use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
 use gantry_tau_machine::stability::{Growth, LinearMachine, Loop, NotchFinder, TickMap};
-use gantry_tau_server::plant::Plant;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::{Load, load_generator};
 use gantry_tau_sim::machine::SimulatedMachine;
+use gantry_tau_tests::compensated_machine::CompensatedMachine;
 
 /// Cycles from a reading to the reference that answers it, in the loop below.
 const LATENCY: usize = 1;
@@ -59,24 +55,14 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
     growth_per_s: f64,
 ) -> f64 {
     let (mut hand, tool) = load_generator();
-    let mut machine = SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold)
+    let machine = SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold)
         .and_then(|machine| {
             machine
                 .with_masses(&robot.masses.unwrap())
                 .map_err(|e| robot.refuse("masses", e))
         })
         .unwrap();
-    let welcome = Welcome {
-        epoch: Epoch(1),
-        tick: Tick(0),
-        cycle_us: 1_000,
-        echo_window: 0,
-        capabilities: Capabilities::NONE,
-        kinematics_checksum: 0,
-        limits: robot.limits.map(|axis| axis.limits),
-    };
-    let mut compensation = Compensation::new(robot, &welcome).unwrap();
-    let motors = robot.motor_map::<M>().unwrap();
+    let mut machine = CompensatedMachine::<N, M>::new(machine, robot);
     // What grows begins at some nanometres, so that it meets no limit; the other vibrations have
     // decayed before the first span, or are small beside it.
     let (tap_n, wait_s): (f64, f64) = if growth_per_s > 0.0 {
@@ -102,24 +88,9 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
             moment_nm: [0.0; 3],
         })
         .unwrap();
-        let reading = machine.read(1).unwrap();
-        let shown = reading.tool.unwrap();
-        let answer = compensation
-            .cycle(&Wrench::from_array(shown.sensor), &reading.nominal)
-            .unwrap()
-            .offsets;
+        let (shown, answer) = machine.read();
         // A server writes an answer in the next tick.
-        let offsets: [OffsetNm; N] = std::mem::replace(&mut waiting, answer);
-        let parts: [InForce; N] = std::array::from_fn(|axis| InForce {
-            nominal: reading.nominal[axis],
-            offsets: Offsets::position(offsets[axis]),
-        });
-        let references = motors.axis_of_motor().map(|axis| Reference {
-            position: PositionNm(parts[axis].nominal.0 + i64::from(offsets[axis].0)),
-            velocity_offset: VelocityUmS(0),
-            torque_offset: TorquePermille(0),
-        });
-        machine.write(&references, &parts).unwrap();
+        machine.write(&std::mem::replace(&mut waiting, answer));
         let moved: f64 = shown.displacement_m.iter().map(|m| m * m).sum();
         for (energy, start) in energies.iter_mut().zip([first, first + apart]) {
             if (start..start + span).contains(&cycle) {

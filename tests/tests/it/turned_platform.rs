@@ -1,35 +1,27 @@
 //! The F1 with its platform turned: the sensor turns along, so that weight and load are distinguished
 //! as well as unturned.
 
-use gantry_tau_client::Compensation;
-use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
-use gantry_tau_core::control::endpoint::MotorMap;
-use gantry_tau_core::control::message::{Capabilities, Welcome};
 use gantry_tau_core::model::f1::AXES;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
-use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{Epoch, OffsetNm, PositionNm, Tick, TorquePermille, VelocityUmS};
 use gantry_tau_machine::model::{F1, F1_MOTORS};
 use gantry_tau_machine::robot_file::{RobotFile, ToolKeys};
 use gantry_tau_server::plant::interpolator::Motion;
-use gantry_tau_server::plant::{Plant, ToolReading};
+use gantry_tau_server::plant::ToolReading;
 use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau_sim::machine::SimulatedMachine;
+use gantry_tau_tests::compensated_machine::CompensatedMachine;
 use nalgebra::Vector3;
 
-/// Ticks after which drives, filter and platform are at rest: ten time constants of the slowest.
-const SETTLED: u32 = 400;
+/// Ticks after which drives, filter and platform are at rest: the filter is within 5 % after 183.
+const SETTLED: u32 = 1_000;
 /// Ticks of the way to the turned pose.
 const WAY: u32 = 6_000;
 
 /// A simulated F1, its client, and the hand that pulls at the tool.
 struct Bench {
-    machine: SimulatedMachine<AXES, F1_MOTORS>,
-    compensation: Compensation<AXES>,
-    motors: MotorMap<AXES, F1_MOTORS>,
+    machine: CompensatedMachine<AXES, F1_MOTORS>,
     hand: LoadGenerator,
-    offsets: [OffsetNm; AXES],
 }
 
 /// 5 kg, 15 cm below the tool centre point.
@@ -77,26 +69,12 @@ impl Bench {
         };
         let (hand, applied) = load_generator();
         let machine = SimulatedMachine::from_robot(&robot, applied, motion).unwrap();
-        let welcome = Welcome {
-            epoch: Epoch(1),
-            tick: Tick(0),
-            cycle_us: 1_000,
-            echo_window: 0,
-            capabilities: Capabilities::NONE,
-            kinematics_checksum: 0,
-            limits: robot.limits.map(|axis| axis.limits),
-        };
-        let motors = robot.motor_map().unwrap();
         let mut client = robot;
         client.sensor.tool = known;
         client.client.gain = gain;
-        let compensation = Compensation::new(&client, &welcome).unwrap();
         let mut bench = Self {
-            machine,
-            compensation,
-            motors,
+            machine: CompensatedMachine::new(machine, &client),
             hand,
-            offsets: [OffsetNm(0); AXES],
         };
         bench.run(10_000 + WAY);
         bench
@@ -106,25 +84,8 @@ impl Bench {
     fn run(&mut self, cycles: u32) -> ToolReading {
         let mut shown = None;
         for _ in 0..cycles {
-            let reading = self.machine.read(1).unwrap();
-            let tool = reading.tool.unwrap();
-            self.offsets = self
-                .compensation
-                .cycle(&Wrench::from_array(tool.sensor), &reading.nominal)
-                .unwrap()
-                .offsets;
-            let parts: [InForce; AXES] = std::array::from_fn(|axis| InForce {
-                nominal: reading.nominal[axis],
-                offsets: Offsets::position(self.offsets[axis]),
-            });
-            let references = self.motors.axis_of_motor().map(|axis| Reference {
-                position: PositionNm(
-                    parts[axis].nominal.0 + i64::from(parts[axis].offsets.position.0),
-                ),
-                velocity_offset: VelocityUmS(0),
-                torque_offset: TorquePermille(0),
-            });
-            self.machine.write(&references, &parts).unwrap();
+            let (tool, offsets) = self.machine.read();
+            self.machine.write(&offsets);
             shown = Some(tool);
         }
         shown.unwrap()
@@ -167,7 +128,7 @@ fn a_tool_that_is_known_weighs_nothing_in_any_pose() {
     for turn in TURNS {
         let mut bench = Bench::in_pose(turn, TOOL, 1.0);
         let idle = bench.run(SETTLED);
-        let load = bench.compensation.load();
+        let load = bench.machine.load();
         assert!(
             load.to_array()
                 .iter()

@@ -68,7 +68,8 @@ impl Axis {
     #[inline]
     #[must_use]
     pub fn is_agitated(&self, config: &AxisConfig) -> bool {
-        (config.agitation.as_ref()).is_some_and(|budget| self.agitation.exceeds(budget))
+        self.agitation != Agitation::ZERO
+            && (config.agitation.as_ref()).is_some_and(|budget| self.agitation.exceeds(budget))
     }
 
     /// Returns the reference of the last tick, before the clamp to the travel. `state` becomes the
@@ -117,13 +118,15 @@ impl Axis {
         let target = &command.target;
         let change = self.channels.position.change();
         self.channels.act(command.action, target, limits);
-        self.agitation = match &config.agitation {
-            Some(budget) if command.obtains => {
+        // Without a budget it is zero.
+        if let Some(budget) = &config.agitation {
+            self.agitation = if command.obtains {
                 let changed = self.channels.position.change();
                 self.agitation.after(change, changed, budget)
-            }
-            _ => Agitation::ZERO,
-        };
+            } else {
+                Agitation::ZERO
+            };
+        }
         self.nominal = command.nominal;
         self.actual = command.actual;
         // In Submit it is the shadow that approaches its target.

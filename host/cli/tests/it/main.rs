@@ -32,6 +32,8 @@ mod installed;
 #[cfg(unix)]
 mod keyboard;
 mod labcomm;
+#[cfg(unix)]
+mod masses;
 mod monitor;
 #[cfg(unix)]
 mod operator;

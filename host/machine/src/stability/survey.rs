@@ -1,7 +1,6 @@
 //! Stability of a compensation over the reach of a machine.
 
 use gantry_tau_core::model::kinematics::Pose as RigidPose;
-use gantry_tau_core::model::load_filter::Notch;
 use gantry_tau_core::model::robot::ARMS;
 use nalgebra::{Rotation3, Vector3};
 
@@ -53,7 +52,6 @@ pub struct Place<const N: usize> {
     pub wrong_modes_margin: Margin,
     machine: LinearMachine<N>,
     map: TickMap,
-    notches: Vec<Notch>,
     filter: Filter,
 }
 
@@ -100,15 +98,8 @@ impl<const N: usize> Place<N> {
             },
             machine,
             map,
-            notches,
             filter,
         })
-    }
-
-    /// Returns the notches of the filter here, lowest first.
-    #[must_use]
-    pub fn notches(&self) -> &[Notch] {
-        &self.notches
     }
 
     /// Returns the filter here.

@@ -50,7 +50,7 @@ pub struct Settings {
     pub bias: f64,
     /// Play between each motor and its cart, m.
     pub backlash_m: f64,
-    /// What each motor moves in front of the spring of its axis, kg: half of it is the motor.
+    /// Mass in front of the spring of the axis, for each motor, kg: half of it is the motor.
     pub body_kg: f64,
 }
 

@@ -131,7 +131,7 @@ fn what_the_server_does_is_not_charged_to_the_client() {
         bench.play(&Move::Answer(Mode::Submit, shake(tick)));
         assert_eq!(bench.agitation(), 0);
     }
-    // Back to zero by Submit in Obtain counts; in Submit the sum begins anew.
+    // Back to zero by Submit in Obtain counts; in Submit the sum begins at zero again.
     bench.play(&obtain(2_500));
     assert_eq!(bench.agitation(), 2_400);
     bench.play(&submit(0));
