@@ -301,7 +301,7 @@ impl<const N: usize> Session<N> {
     /// taken them.
     #[must_use]
     pub fn demanded(&self) -> [InForce; N] {
-        self.parts.axes.map(|axis| axis.in_force())
+        self.parts.axes.each_ref().map(Axis::in_force)
     }
 
     /// Returns the phase.

@@ -68,8 +68,7 @@ impl Axis {
     #[inline]
     #[must_use]
     pub fn is_agitated(&self, config: &AxisConfig) -> bool {
-        self.agitation != Agitation::ZERO
-            && (config.agitation.as_ref()).is_some_and(|budget| self.agitation.exceeds(budget))
+        (config.agitation.as_ref()).is_some_and(|budget| self.agitation.exceeds(budget))
     }
 
     /// Returns the reference of the last tick, before the clamp to the travel. `state` becomes the
