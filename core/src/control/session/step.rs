@@ -203,8 +203,14 @@ fn all_nominal_stepped<const N: usize>(
         return stepped;
     };
     let cycles = tick.cycles();
-    for (index, (axis, config)) in zip(axes, &parameters.axes).enumerate() {
-        if let (Some(stepped), Some(to)) = (stepped.get_mut(index), reading.nominal.get(index)) {
+    for index in 0..N {
+        // Every array has N elements.
+        if let (Some(stepped), Some(axis), Some(to), Some(config)) = (
+            stepped.get_mut(index),
+            axes.get(index),
+            reading.nominal.get(index),
+            parameters.axes.get(index),
+        ) {
             *stepped = nominal_stepped(axis.nominal, *to, config, cycles);
         }
     }
