@@ -25,7 +25,6 @@
 
 pub mod client;
 pub mod client_cases;
-pub mod compensated_machine;
 pub mod fake_plant;
 pub mod fuzzed;
 pub mod labcomm;

@@ -29,7 +29,11 @@ where
     let report = folder.join("demo.html");
     let options = DemoOptions {
         client: robot.clone(),
-        robot,
+        // The machines that are built here have none.
+        robot: RobotFile {
+            masses: None,
+            ..robot
+        },
         pace: PaceChoice::Only(TickSource::Lockstep),
         force_max_n: 120.0,
         force_step_n: 60.0,

@@ -2,6 +2,7 @@
 //! with a table and a report.
 
 mod corrections;
+mod motion;
 mod report;
 mod results;
 mod sampler;
@@ -11,6 +12,8 @@ mod table;
 use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_machine::stability::Place;
+use gantry_tau_machine::stability::design::SETTLED;
 use gantry_tau_record::recording::RecordTo;
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::plant::interpolator::Motion;
@@ -22,6 +25,7 @@ use gantry_tau_system::output::{Output, WriteError};
 
 use crate::terminal::{Progress, complain, say};
 pub use corrections::Corrections;
+pub use motion::{InMotion, MotionNumbers};
 pub use results::{ALLOWED_SHARE, ForceStep, LinkQuality, Ramp, Results};
 use scenario::Recording;
 
@@ -96,7 +100,26 @@ impl<K, const N: usize> DemoOptions<K, N> {
         (self.step_seconds * 1e3).round() as u64
     }
 
-    fn check(&self) -> Result<(), DemoError> {
+    /// Shortest step in which a client's filter of the load settles, s; 0 without masses.
+    fn shortest_step_s(&self) -> f64
+    where
+        K: MachineKind<N>,
+    {
+        let place = Place::at_home(&self.client, 1.0).filter(|_| self.robot.masses.is_some());
+        place.map_or(0.0, |place| 5.0 * place.filter().settling_s(SETTLED))
+    }
+
+    fn check(&self) -> Result<(), DemoError>
+    where
+        K: MachineKind<N>,
+    {
+        let shortest_s = self.shortest_step_s();
+        if self.step_seconds < shortest_s {
+            return Err(DemoError::Option(format!(
+                "--step-seconds must be at least {:.2}: five times what the filter of the client takes to settle",
+                (shortest_s * 100.0).ceil() / 100.0
+            )));
+        }
         let out_of_range = if !(50.0..=1_000.0).contains(&self.force_step_n) {
             "--force-step must be from 50 to 1000 N: smaller steps drown in noise"
         } else if !(self.force_step_n..=2_000.0).contains(&self.force_max_n) {
@@ -119,9 +142,18 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
 ) -> Result<Results, DemoError> {
     run_on(
         options,
-        |robot, tool| SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold),
+        |robot, tool| SimulatedMachine::<N, M>::moving_from_robot(robot, tool, Motion::Hold),
         Cycle::with_position_loops,
     )
+}
+
+/// Cycles in which a load on a machine with masses is reached: two periods of its lowest mode at
+/// home; 0 without masses.
+#[must_use]
+pub fn glide_cycles<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> u32 {
+    let place = Place::at_home(robot, 1.0);
+    let lowest_hz = place.and_then(|place| place.modes_hz.first().copied());
+    lowest_hz.map_or(0, |hz| (2.0e3 / hz).ceil() as u32)
 }
 
 /// Gives a cycle the position loops of a robot file; of a machine that takes positions, none.
@@ -131,7 +163,7 @@ pub type Loops<const N: usize, const M: usize, P> =
         Option<[LoopConfig; N]>,
     ) -> Result<Cycle<N, M, P>, gantry_tau_server::server::ServerError>;
 
-/// Runs the demo on a machine that `build` makes, with this load on its tool.
+/// Runs the demo on a machine that `build` makes, with this load on its tool. It has the masses of the file.
 ///
 /// # Errors
 /// [`DemoError`].
@@ -174,11 +206,13 @@ where
             }
         }
     };
-    let results = Results::of(options, pace, &recording);
+    let in_motion = InMotion::of::<K, N, M>(options)?;
+    let numbers = in_motion.as_ref().map(InMotion::numbers);
+    let results = Results::of(options, pace, &recording, numbers);
     say(format_args!("\n{}", table::render(&results)));
     // One that cannot be written costs no other.
     let written = [
-        write_report(options, &results, &recording),
+        write_report(options, &results, &recording, in_motion.as_ref()),
         write_json(options, &results),
         write_black_box(options, &recording),
     ];
@@ -196,10 +230,11 @@ fn write_report<K: MachineKind<N>, const N: usize>(
     options: &DemoOptions<K, N>,
     results: &Results,
     recording: &Recording<N>,
+    in_motion: Option<&InMotion>,
 ) -> Result<(), DemoError> {
     options
         .report
-        .write(&report::render(options, results, recording))?;
+        .write(&report::render(options, results, recording, in_motion))?;
     say(format_args!("report: {}", options.report.path().display()));
     Ok(())
 }

@@ -6,6 +6,7 @@
 //!
 //! | module | contents |
 //! |---|---|
+//! | [`compensated_machine`] | a simulated machine and its client without a server |
 //! | [`demo`] | server, simulated machine and client in one process |
 //! | `ethercat` | drives over EtherCAT as the machine of a server (feature `ethercat`, Linux) |
 //! | [`faults`] | faults of a network: lost, damaged, late frames |
@@ -30,6 +31,7 @@
 )]
 
 mod cli;
+pub mod compensated_machine;
 pub mod demo;
 #[cfg(all(feature = "ethercat", target_os = "linux"))]
 pub mod ethercat;

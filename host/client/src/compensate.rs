@@ -9,13 +9,16 @@ use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorError};
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{OffsetNm, PositionNm};
+use gantry_tau_core::units::{OffsetNm, PositionNm, Tick};
+use gantry_tau_machine::dynamics::MassiveMachine;
+use gantry_tau_machine::elastic;
 use gantry_tau_machine::model::{Compensate, MachineKind};
-use gantry_tau_machine::robot_file::{RobotFile, RobotFileError};
-use gantry_tau_machine::sensor;
+use gantry_tau_machine::robot_file::{FeedForwardKey, RobotFile, RobotFileError};
+use gantry_tau_machine::sensor::{self, Mounting};
 use gantry_tau_machine::stability::{FilterKind, NotchFinder};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3, Vector6};
 
+use crate::feed_forward::{FeedForward, InertialLoads};
 use crate::notches::FollowingNotches;
 
 /// Reason why a robot file gives no compensation.
@@ -44,6 +47,9 @@ pub struct Compensation<const N: usize> {
     compensator: Box<dyn Compensate<N>>,
     /// Of a filter whose notches are at the natural frequencies of the machine.
     notches: Option<FollowingNotches<N>>,
+    feed_forward: Option<FeedForward<N>>,
+    /// What the sensor's mounting makes of a load alone.
+    mounting: Mounting,
     metres_per_q: [f64; N],
     /// Load of the last cycle; `None` while taring.
     load: Option<Wrench>,
@@ -84,52 +90,107 @@ impl<const N: usize> Compensation<N> {
                 .map_err(refused)?;
             notches = Some(FollowingNotches::start(finder, home)?);
         }
+        let feed_forward = match robot.client.feed_forward {
+            FeedForwardKey::None => None,
+            FeedForwardKey::Inertia => MassiveMachine::of(robot).map(|machine| {
+                FeedForward::new(machine, robot.metres_per_q, limits, robot.client.gain)
+            }),
+        };
         Ok(Self {
             sensor,
             compensator,
             notches,
+            feed_forward,
+            mounting: Mounting {
+                weight_n: Vector3::zeros(),
+                ..Mounting::from(&robot.sensor)
+            },
             metres_per_q: robot.metres_per_q,
             load: None,
             turn: Matrix3::identity(),
         })
     }
 
-    /// Returns the position offsets of one cycle for a raw sample (sensor axes) and nominal
-    /// positions. Zero while taring.
+    /// Returns the position offsets of one cycle for a raw sample (sensor axes) and the nominal
+    /// positions of a tick. Zero while taring.
     ///
     /// # Errors
     /// The sample is invalid, or the positions have no solution.
     pub fn cycle(
         &mut self,
+        tick: Tick,
         raw: &Wrench,
         nominal: &[PositionNm; N],
     ) -> Result<Correction<N>, Box<dyn Error>> {
         let pose = self.compensator.locate(nominal)?;
-        self.follow(&pose, nominal)?;
-        match self.sensor.update(raw, &(self.turn * pose.rotation))? {
+        let axes = self.q_of(nominal);
+        self.follow(&pose, &axes)?;
+        let inertia = (self.feed_forward.as_mut())
+            .map(|motion| motion.update(tick.0, &(&pose).into(), &axes));
+        let raw = self.without_inertia(raw, inertia.as_ref(), &pose);
+        match self.sensor.update(&raw, &(self.turn * pose.rotation))? {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {
                 self.load = Some(load);
                 let turned_rad = self.compensator.turned_rad(&pose, nominal, &load)?;
                 self.turn = rotation_from_vector(&turned_rad).unwrap_or_else(Matrix3::identity);
-                Ok(self.compensator.correct(&pose, nominal, &load)?)
+                self.correct(&pose, nominal, &load, inertia.as_ref())
             }
         }
     }
 
-    /// Takes over notches that were found for another place.
-    fn follow(&mut self, pose: &Pose, nominal: &[PositionNm; N]) -> Result<(), SensorError> {
-        let Some(following) = &mut self.notches else {
-            return Ok(());
-        };
+    /// Returns nominal positions in q-units.
+    fn q_of(&self, nominal: &[PositionNm; N]) -> [f64; N] {
         let mut axes = [0.0; N];
         for ((axis, nominal), metres) in axes.iter_mut().zip(nominal).zip(&self.metres_per_q) {
             *axis = nominal.to_metres().0 / metres;
         }
-        match following.follow(pose, &axes) {
+        axes
+    }
+
+    /// Takes over notches that were found for another place.
+    fn follow(&mut self, pose: &Pose, axes: &[f64; N]) -> Result<(), SensorError> {
+        let Some(following) = &mut self.notches else {
+            return Ok(());
+        };
+        match following.follow(pose, axes) {
             Some(notches) => self.sensor.set_notches(&notches),
             None => Ok(()),
         }
+    }
+
+    /// Returns a reading without what the nominal motion makes of the tool's inertia: it is fed
+    /// forward, and the filter of the load could not follow it.
+    fn without_inertia(
+        &self,
+        raw: &Wrench,
+        inertia: Option<&InertialLoads<N>>,
+        pose: &Pose,
+    ) -> Wrench {
+        let Some(inertia) = inertia else {
+            return *raw;
+        };
+        let pose = elastic::Pose::from(pose);
+        let of_tool = self.mounting.seen(&inertia.on_sensor, &pose.rotation);
+        Wrench::from_array((Vector6::from(raw.to_array()) - of_tool).into())
+    }
+
+    /// Returns the offsets for a load and for the loads of the nominal motion.
+    fn correct(
+        &self,
+        pose: &Pose,
+        nominal: &[PositionNm; N],
+        load: &Wrench,
+        inertia: Option<&InertialLoads<N>>,
+    ) -> Result<Correction<N>, Box<dyn Error>> {
+        let (Some(inertia), Some(motion)) = (inertia, &self.feed_forward) else {
+            return Ok(self.compensator.correct(pose, nominal, load)?);
+        };
+        let both = Vector6::from(load.to_array()) + inertia.on_machine.platform;
+        let both = Wrench::from_array(both.into());
+        let mut correction = self.compensator.correct(pose, nominal, &both)?;
+        motion.correct_axes(&inertia.on_machine.axes, &mut correction)?;
+        Ok(correction)
     }
 
     /// Asks for another share of the correction, 0 to 1.
@@ -137,7 +198,11 @@ impl<const N: usize> Compensation<N> {
     /// # Errors
     /// The share is out of range; the one before stays.
     pub fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError> {
-        self.compensator.set_gain(gain)
+        self.compensator.set_gain(gain)?;
+        if let Some(motion) = &mut self.feed_forward {
+            motion.gain = gain;
+        }
+        Ok(())
     }
 
     /// True if the tare is done.
@@ -156,13 +221,11 @@ impl<const N: usize> Compensation<N> {
 #[cfg(test)]
 mod tests {
     use gantry_tau_core::control::message::Capabilities;
-    use gantry_tau_core::units::{Epoch, Metres, Tick};
-    use nalgebra::{Vector3, Vector6};
+    use gantry_tau_core::units::{Epoch, Metres};
 
     use super::*;
     use gantry_tau_machine::elastic::backlash::Backlash;
     use gantry_tau_machine::elastic::{ElasticMachine, Equilibrium};
-    use gantry_tau_machine::sensor::Mounting;
 
     /// The sensor turns with the platform under the load that it measures: 300 N in y would be
     /// taken 0.7 N across wrong.
@@ -195,12 +258,13 @@ mod tests {
             let raw = Wrench::from_array(mounting.seen(&load, &platform).into());
             (raw, platform.angle())
         });
-        for _ in 0..robot.sensor.tare_samples {
-            compensation.cycle(&unloaded, &nominal).unwrap();
+        let tared = u64::from(robot.sensor.tare_samples);
+        for tick in 0..tared {
+            (compensation.cycle(Tick(tick), &unloaded, &nominal)).unwrap();
         }
         // The filter has settled.
-        for _ in 0..1000 {
-            compensation.cycle(&raw, &nominal).unwrap();
+        for tick in tared..tared + 1000 {
+            compensation.cycle(Tick(tick), &raw, &nominal).unwrap();
         }
         let off = Vector6::from(compensation.load().to_array()) - load;
         let off = Vector3::new(off[0], off[1], off[2]).norm();

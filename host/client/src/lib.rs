@@ -30,6 +30,7 @@
 
 mod compensate;
 mod connection;
+mod feed_forward;
 pub mod force_sensor;
 mod notches;
 pub mod operator;

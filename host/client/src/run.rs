@@ -339,7 +339,7 @@ impl<const N: usize> ClientSession<'_, N> {
         self.states_without_sample = 0;
         let nominal = state.axes.map(|axis| axis.nominal);
         let raw = Wrench::from_array(sample.wrench);
-        match self.compensation.cycle(&raw, &nominal) {
+        match self.compensation.cycle(state.tick, &raw, &nominal) {
             Ok(correction) => {
                 self.targets = correction.offsets;
                 self.held_in_a_row = 0;

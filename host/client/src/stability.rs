@@ -1,10 +1,9 @@
 //! Stability of the compensation, judged before it acts.
 
-use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_machine::stability::Place;
 use gantry_tau_machine::stability::survey::MIN_MARGIN;
-use gantry_tau_machine::stability::{Compensation, NotchFinder, Place};
 
 /// Smallest margin of a loop at home.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,18 +40,10 @@ impl HomeMargin {
 }
 
 fn margin<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Option<f64> {
-    let finder = NotchFinder::of(robot)?;
-    let pose = Pose::at(robot.home_m());
-    let compensation = Compensation {
-        filter: finder.filter,
-        drives: finder.drives,
-        latency_cycles: 1,
-        gain: 1.0,
-    };
-    let axes = robot.home_q().ok()?;
+    robot.masses?;
     // A machine without natural frequencies at home has no margin there.
-    let place = Place::of(&finder.machine, &(&pose).into(), &axes, &compensation);
-    Some(place.map_or(0.0, |place| place.margin.any_phase))
+    let place = Place::at_home(robot, 1.0);
+    Some(place.map_or(0.0, |place| place.margins.exact.any_phase))
 }
 
 #[cfg(test)]

@@ -43,7 +43,8 @@ pub use problems::{Problem, Problems};
 use read::GEOMETRY;
 use sections::Sections;
 pub use sections::{
-    ClientKeys, DEFAULT_NOTCH_Q, DEFAULT_NOTCHES, FilterKey, Motors, Sensor, Simulation, ToolKeys,
+    ClientKeys, DEFAULT_NOTCH_Q, DEFAULT_NOTCHES, FeedForwardKey, FilterKey, Motors, Sensor,
+    Simulation, ToolKeys,
 };
 
 /// The text of `robots/l2.toml`.
@@ -315,8 +316,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         let machine = machine(&keys, &sections, &mut problems);
         let drives = check_drives(&sections, &mut problems);
         let masses = check_masses(&sections, &mut problems);
-        problems.of(&["masses", "sensor"], |problems| {
-            check::filter(&sections.sensor, sections.masses.is_some(), problems)
+        problems.of(&["masses", "sensor", "client"], |problems| {
+            check::filter(&sections.sensor, sections.masses.is_some(), problems);
+            check::feed_forward(&sections.client, sections.masses.is_some(), problems);
         });
         check_rest::<T, N>(&sections, machine.as_ref(), &mut problems);
         let (Some(machine), Some(drives), true) = (machine, drives, problems.is_empty()) else {

@@ -19,6 +19,7 @@
 //! | [`loop_gain`] | margin against any phase of the loop |
 //! | [`filter_kind`] | what a kind of filter is in one place |
 //! | [`notch_finder`] | notches of a compensation for the places of a machine |
+//! | [`design`] | choice of a filter, and of the largest tool |
 //! | [`survey`] | stability over the reach of a machine |
 #![expect(
     clippy::indexing_slicing,
@@ -26,6 +27,7 @@
 )]
 
 pub mod closed_loop;
+pub mod design;
 mod eigenvalues;
 pub mod filter;
 pub mod filter_kind;

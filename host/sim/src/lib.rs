@@ -11,7 +11,8 @@
 //! | [`springs`] | the true compliances of one machine |
 //! | [`drive`] | cascade of an axis `[T 4.1.7]` |
 //! | [`load_generator`] | the load on the tool, set from another thread `[T 4.2.9]` |
-//! | [`load_profile`] | force steps during Obtain |
+//! | [`load_pattern`] | a tap, a milling cutter |
+//! | [`load_profile`] | loads during Obtain |
 //! | [`workpiece`] | an elastic workpiece that the tool presses on |
 //! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
 //! | [`parameters`] | parameters of a simulation, and their errors |
@@ -70,6 +71,7 @@
 pub mod drive;
 pub mod force_sensor;
 pub mod load_generator;
+pub mod load_pattern;
 pub mod load_profile;
 pub mod machine;
 pub mod moving_platform;

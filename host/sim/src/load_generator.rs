@@ -7,6 +7,9 @@ use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 
 use gantry_tau_core::model::statics::Wrench;
+use nalgebra::Vector3;
+
+use super::load_pattern::LoadPattern;
 
 /// Largest magnitude of any component, N or N m.
 pub const MAX_LOAD: f64 = 1e5;
@@ -45,34 +48,62 @@ impl fmt::Display for LoadRefused {
 
 impl std::error::Error for LoadRefused {}
 
+/// Load that is set, and one that changes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Loads {
+    load: Load,
+    pattern: Option<LoadPattern>,
+    /// Cycles in which the load is reached.
+    glide_cycles: u32,
+}
+
 /// Sets the load on the tool, from any thread.
 #[derive(Debug)]
 pub struct LoadGenerator {
-    shared: Arc<Mutex<Load>>,
+    shared: Arc<Mutex<Loads>>,
+    glide_cycles: u32,
 }
 
 /// Reads the load on the tool, in the cycle.
 #[derive(Debug)]
 pub struct AppliedLoad {
-    shared: Arc<Mutex<Load>>,
-    last: Load,
+    shared: Arc<Mutex<Loads>>,
+    last: Loads,
+    /// Cycles since the last change.
+    cycle: u64,
+    /// Load when it came, and now.
+    from: Load,
+    now: Load,
 }
 
 /// Creates a load generator and the load it applies, which is zero.
 #[must_use]
 pub fn load_generator() -> (LoadGenerator, AppliedLoad) {
-    let last = Load::default();
+    let last = Loads::default();
     let shared = Arc::new(Mutex::new(last));
     (
         LoadGenerator {
             shared: Arc::clone(&shared),
+            glide_cycles: 0,
         },
-        AppliedLoad { shared, last },
+        AppliedLoad {
+            shared,
+            last,
+            cycle: 0,
+            from: Load::default(),
+            now: Load::default(),
+        },
     )
 }
 
 impl LoadGenerator {
-    /// Applies `load` from the next cycle on.
+    /// Lets every load that is set from now on be reached within so many cycles, smoothly, as by a
+    /// strap that is tightened: one that jumps makes a machine with masses ring.
+    pub const fn glide(&mut self, cycles: u32) {
+        self.glide_cycles = cycles;
+    }
+
+    /// Applies `load` from the next cycle on, in place of a pattern.
     ///
     /// # Errors
     /// [`LoadRefused`]; then the load before stays.
@@ -86,8 +117,25 @@ impl LoadGenerator {
         {
             return Err(LoadRefused);
         }
-        *self.shared.lock().unwrap_or_else(PoisonError::into_inner) = *load;
+        self.put(Loads {
+            load: *load,
+            pattern: None,
+            glide_cycles: self.glide_cycles,
+        });
         Ok(())
+    }
+
+    /// Begins a load that changes with the next cycle, in place of the present one.
+    pub fn begin(&mut self, pattern: LoadPattern) {
+        self.put(Loads {
+            load: Load::default(),
+            pattern: Some(pattern),
+            glide_cycles: 0,
+        });
+    }
+
+    fn put(&mut self, loads: Loads) {
+        *self.shared.lock().unwrap_or_else(PoisonError::into_inner) = loads;
     }
 
     /// Releases the tool: zero load.
@@ -98,14 +146,56 @@ impl LoadGenerator {
 }
 
 impl AppliedLoad {
-    /// Returns the present load; while one is being set, the load before. It never waits.
+    /// Returns the load of the next cycle, of one that changes its mean; while a load is being set,
+    /// the load before. It never waits.
     pub fn load(&mut self) -> Load {
-        match self.shared.try_lock() {
-            Ok(load) => self.last = *load,
-            Err(TryLockError::Poisoned(load)) => self.last = *load.into_inner(),
-            Err(TryLockError::WouldBlock) => {}
+        let loads = match self.shared.try_lock() {
+            Ok(loads) => *loads,
+            Err(TryLockError::Poisoned(loads)) => *loads.into_inner(),
+            Err(TryLockError::WouldBlock) => self.last,
+        };
+        if loads == self.last {
+            self.cycle = self.cycle.wrapping_add(1);
+        } else {
+            self.cycle = 0;
+            self.from = self.now;
         }
-        self.last
+        self.last = loads;
+        self.now = match &loads.pattern {
+            Some(pattern) => Load {
+                force_n: pattern.mean_n(self.cycle).into(),
+                ..loads.load
+            },
+            None => between(&self.from, &loads.load, self.cycle, loads.glide_cycles),
+        };
+        self.now
+    }
+
+    /// Returns what the force is beyond its mean in a step of this cycle, N.
+    #[must_use]
+    pub fn beyond_mean_n(&self, substep: u32) -> Vector3<f64> {
+        match &self.last.pattern {
+            Some(pattern) => pattern.force_n(self.cycle, substep) - pattern.mean_n(self.cycle),
+            None => Vector3::zeros(),
+        }
+    }
+}
+
+/// Returns the load on the way to another one, with its step: a quintic, whose speed and acceleration
+/// are continuous.
+fn between(from: &Load, to: &Load, cycle: u64, glide_cycles: u32) -> Load {
+    let s = (cycle + 1) as f64 / f64::from(glide_cycles.max(1));
+    if s >= 1.0 {
+        return *to;
+    }
+    let share = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
+    let part = |from: [f64; 3], to: [f64; 3]| {
+        std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]))
+    };
+    Load {
+        step: to.step,
+        force_n: part(from.force_n, to.force_n),
+        moment_nm: part(from.moment_nm, to.moment_nm),
     }
 }
 
@@ -130,6 +220,22 @@ mod tests {
         assert_eq!(applied.load(), uniform(3));
         generator.release();
         assert_eq!(applied.load(), Load::default());
+    }
+
+    #[test]
+    fn a_load_that_glides_has_its_step_at_once_and_arrives() {
+        let (mut generator, mut applied) = load_generator();
+        generator.glide(100);
+        for (step, value) in [(100, 100.0), (0, 0.0)] {
+            generator.set(&uniform(step)).unwrap();
+            let loads: Vec<Load> = (0..150).map(|_| applied.load()).collect();
+            assert!(loads.iter().all(|load| load.step == step));
+            let forces: Vec<f64> = loads.iter().map(|load| load.force_n[0]).collect();
+            let largest = (forces.windows(2)).map(|pair| (pair[1] - pair[0]).abs());
+            // The quintic's largest speed is 1.875.
+            assert!(largest.fold(0.0, f64::max) < 1.9);
+            assert!((0..99).all(|cycle| forces[cycle] != value) && forces[99] == value);
+        }
     }
 
     #[test]

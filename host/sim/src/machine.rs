@@ -82,6 +82,8 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     loaded: Equilibrium<N>,
     rigid: Equilibrium<N>,
     load: Load,
+    /// The force sensor samples at a point of time, in place of the mean over a cycle.
+    samples_points: bool,
     sample: Wrench,
 }
 
@@ -155,6 +157,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             loaded: start,
             rigid: start,
             load: Load::default(),
+            samples_points: false,
             sample: Wrench::zero(),
         };
         machine
@@ -164,6 +167,34 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             .sensor
             .sample(&Wrench::zero(), &machine.loaded.pose.rotation);
         Ok(machine)
+    }
+
+    /// As [`from_robot`](Self::from_robot), and it moves by the masses of the file, if it has any.
+    ///
+    /// # Errors
+    /// As [`from_robot`](Self::from_robot); for masses without modes at home.
+    pub fn moving_from_robot<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        tool: AppliedLoad,
+        motion: Motion<N>,
+    ) -> Result<Self, RobotFileError> {
+        let machine = Self::from_robot(robot, tool, motion)?;
+        match &robot.masses {
+            Some(masses) => machine
+                .with_masses(masses)
+                .map_err(|error| robot.refuse("masses", error)),
+            None => Ok(machine),
+        }
+    }
+
+    /// Lets the force sensor sample at a point of time in each cycle, as one without a low-pass of its
+    /// own, in place of the mean over the cycle.
+    #[must_use]
+    pub fn sampling_points(self) -> Self {
+        Self {
+            samples_points: true,
+            ..self
+        }
     }
 
     /// Lets the machine, which is at rest at home, move by these masses; its drives hold what it
@@ -294,9 +325,11 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         self.stop_partners();
         self.settle_platform()
             .map_err(|_| "the springs find no equilibrium under this load")?;
-        self.sample = self
-            .sensor
-            .sample(&self.load.wrench(), &self.loaded.pose.rotation);
+        let mut seen = self.load.wrench();
+        if self.samples_points {
+            seen.force_n += self.tool.beyond_mean_n(SUBSTEPS - 1);
+        }
+        self.sample = self.sensor.sample(&seen, &self.loaded.pose.rotation);
         Ok(())
     }
 
@@ -311,6 +344,9 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             let motors = self.motor_motion();
             let held = moving.drive_loads(&motors);
             let axis_loads_n = std::array::from_fn(|axis| held[axis] / self.metres_per_q[axis]);
+            let mut load = load;
+            let mut force_n = load.fixed_rows_mut::<3>(0);
+            force_n += self.tool.beyond_mean_n(substep);
             moving.step(&motors, &load, self.workpiece.as_ref());
             self.step_drives(substep, &axis_loads_n);
         }
@@ -323,9 +359,14 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         self.springs.follow(self.loaded.cluster_3_n());
         self.settle_rigid()
             .map_err(|_| "the rigid machine has no place for these references")?;
-        let on_tool = moving.load();
-        self.load.force_n = [on_tool[0], on_tool[1], on_tool[2]];
-        let found = Wrench::from_array((*moving.sensor_load()).into());
+        // Of the last step, with the mean of what changes in a cycle.
+        let beyond_n = self.tool.beyond_mean_n(SUBSTEPS - 1);
+        let on_tool = moving.load().fixed_rows::<3>(0) - beyond_n;
+        self.load.force_n = on_tool.into();
+        let mut found = Wrench::from_array((*moving.sensor_load()).into());
+        if !self.samples_points {
+            found.force_n -= beyond_n;
+        }
         self.sample = self.sensor.sample(&found, &self.loaded.pose.rotation);
         Ok(())
     }

@@ -22,6 +22,7 @@ mod drive_theorem;
 mod embedding;
 #[cfg(target_os = "linux")]
 mod ethercat;
+mod feed_forward;
 mod fuzz_seeds;
 mod hostile_traffic;
 mod kill;

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use gantry_tau::compensated_machine::CompensatedMachine;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_machine::masses::GRAVITY_M_PER_S2;
@@ -12,7 +13,6 @@ use gantry_tau_machine::stability::{Growth, LinearMachine, Loop, NotchFinder, Ti
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::{Load, load_generator};
 use gantry_tau_sim::machine::SimulatedMachine;
-use gantry_tau_tests::compensated_machine::CompensatedMachine;
 
 /// Cycles from a reading to the reference that answers it, in the loop below.
 const LATENCY: usize = 1;
@@ -55,14 +55,8 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
     growth_per_s: f64,
 ) -> f64 {
     let (mut hand, tool) = load_generator();
-    let machine = SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold)
-        .and_then(|machine| {
-            machine
-                .with_masses(&robot.masses.unwrap())
-                .map_err(|e| robot.refuse("masses", e))
-        })
-        .unwrap();
-    let mut machine = CompensatedMachine::<N, M>::new(machine, robot);
+    let machine = SimulatedMachine::<N, M>::moving_from_robot(robot, tool, Motion::Hold).unwrap();
+    let mut machine = CompensatedMachine::<N, M>::new(machine, robot).unwrap();
     // What grows begins at some nanometres, so that it meets no limit; the other vibrations have
     // decayed before the first span, or are small beside it.
     let (tap_n, wait_s): (f64, f64) = if growth_per_s > 0.0 {
@@ -88,9 +82,11 @@ fn simulated<K: MachineKind<N>, const N: usize, const M: usize>(
             moment_nm: [0.0; 3],
         })
         .unwrap();
-        let (shown, answer) = machine.read();
+        let (shown, answer) = machine.read().unwrap();
         // A server writes an answer in the next tick.
-        machine.write(&std::mem::replace(&mut waiting, answer));
+        machine
+            .write(&std::mem::replace(&mut waiting, answer))
+            .unwrap();
         let moved: f64 = shown.displacement_m.iter().map(|m| m * m).sum();
         for (energy, start) in energies.iter_mut().zip([first, first + apart]) {
             if (start..start + span).contains(&cycle) {

@@ -1,6 +1,7 @@
 //! The F1 with its platform turned: the sensor turns along, so that weight and load are distinguished
 //! as well as unturned.
 
+use gantry_tau::compensated_machine::CompensatedMachine;
 use gantry_tau_core::model::f1::AXES;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
@@ -10,7 +11,6 @@ use gantry_tau_server::plant::ToolReading;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau_sim::machine::SimulatedMachine;
-use gantry_tau_tests::compensated_machine::CompensatedMachine;
 use nalgebra::Vector3;
 
 /// Ticks after which drives, filter and platform are at rest: the filter is within 5 % after 183.
@@ -73,7 +73,7 @@ impl Bench {
         client.sensor.tool = known;
         client.client.gain = gain;
         let mut bench = Self {
-            machine: CompensatedMachine::new(machine, &client),
+            machine: CompensatedMachine::new(machine, &client).unwrap(),
             hand,
         };
         bench.run(10_000 + WAY);
@@ -84,8 +84,8 @@ impl Bench {
     fn run(&mut self, cycles: u32) -> ToolReading {
         let mut shown = None;
         for _ in 0..cycles {
-            let (tool, offsets) = self.machine.read();
-            self.machine.write(&offsets);
+            let (tool, offsets) = self.machine.read().unwrap();
+            self.machine.write(&offsets).unwrap();
             shown = Some(tool);
         }
         shown.unwrap()

@@ -149,7 +149,7 @@ fn runs_the_demo(program: &Path) -> Result<(), Failed> {
         "--pace",
         "lockstep",
         "--step-seconds",
-        "0.2",
+        "0.5",
         "--force-max",
         "60",
     ];

@@ -103,7 +103,7 @@ impl Serve {
                 self.motion_from(start_m)
             })?;
             let mut faults = plant.fault_log();
-            let mut load = self.load(hand);
+            let mut load = self.load(hand, 0);
             Ok((plant, move |row: &TickRecord<N>| {
                 load.update(row.state.phase, row.state.tick);
                 faults.see(row.state.phase);

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use crate::demo::Loops;
+use crate::demo::{Loops, glide_cycles};
 use crate::signals;
 use crate::terminal::say;
 use clap::{ArgGroup, Args};
@@ -34,7 +34,8 @@ use gantry_tau_server::server::{Controls, Server, ServerError, keyboard};
 use gantry_tau_server::state::{
     Begun, Environment, FirstRun, LatchFlusher, MachineName, MachineState, StatePlace,
 };
-use gantry_tau_sim::load_generator::load_generator;
+use gantry_tau_sim::load_generator::{LoadGenerator, load_generator};
+use gantry_tau_sim::load_pattern::{LoadPattern, Milling};
 use gantry_tau_sim::load_profile::LoadProfile;
 use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_sim::workpiece::Workpiece;
@@ -112,12 +113,23 @@ pub(crate) struct Serve {
     /// Address of the simulated gauges of a plan
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
     gauges: SocketAddr,
-    /// Let the simulated machine move by the section [masses] of its file, with the inertia of the
-    /// tool in the force sensor; without, its platform is in equilibrium in every cycle
+    /// Let the platform of the simulated machine be in equilibrium in every cycle, as without the
+    /// section [masses] in its file; with it the machine moves by them, and the force sensor feels
+    /// the inertia of the tool. With a plan it always is
+    #[arg(long)]
+    quasi_static: bool,
+    /// Tap the tool in x in every step: a force, N, for some ms
+    #[arg(long, value_name = "N,MS", value_parser = tap, conflicts_with_all = ["force_max", "plan"])]
+    tap: Option<Tap>,
+    /// Mill: mean force, N, teeth [4], turns per minute [3000], share of the diameter in the cut [0.5]
+    #[arg(long, value_name = "N[,TEETH[,RPM[,SHARE]]]", value_parser = milling, conflicts_with_all = ["force_max", "step_seconds", "plan", "tap"])]
+    milling: Option<Milling>,
+    /// Let the simulated force sensor sample at a point of time in each cycle, as one without a
+    /// low-pass of its own, in place of the mean over the cycle
     #[arg(long, conflicts_with = "plan")]
-    masses: bool,
+    point_samples: bool,
     /// Put an elastic workpiece of this stiffness, N/m, below the tool, in place of the force
-    /// steps; for controllers of a force. Up to 1e6, with --masses up to 1e9
+    /// steps; for controllers of a force. Up to 1e9, without masses up to 1e6
     #[arg(long, value_name = "N_PER_M", allow_negative_numbers = true, conflicts_with_all = ["force_max", "step_seconds", "plan"])]
     workpiece: Option<f64>,
     /// Distance from the tool at home to the workpiece, um
@@ -171,6 +183,49 @@ pub(crate) struct Serve {
     publications: PublicationOptions,
 }
 
+/// A tap: force, N, and cycles that it lasts.
+#[derive(Clone, Copy, Debug)]
+struct Tap {
+    force_n: f64,
+    cycles: u32,
+}
+
+fn tap(text: &str) -> Result<Tap, String> {
+    let (force, time) = text.split_once(',').ok_or("expected N,MS")?;
+    let force_n = number(force)?;
+    let cycles = time
+        .trim()
+        .parse()
+        .map_err(|_| "MS is not a whole number")?;
+    if !(-2_000.0..=2_000.0).contains(&force_n) {
+        return Err("the force must be from -2000 to 2000 N".to_owned());
+    }
+    if !(1..=10_000).contains(&cycles) {
+        return Err("the time must be from 1 to 10000 ms".to_owned());
+    }
+    Ok(Tap { force_n, cycles })
+}
+
+fn milling(text: &str) -> Result<Milling, String> {
+    let mut parts = text.split(',');
+    let mut next = |default: f64| parts.next().map_or(Ok(default), number);
+    let (mean_n, teeth, rpm, immersion) = (next(0.0)?, next(4.0)?, next(3_000.0)?, next(0.5)?);
+    if parts.next().is_some() {
+        return Err("expected at most four numbers".to_owned());
+    }
+    if teeth.fract() != 0.0 {
+        return Err("the teeth must be a whole number".to_owned());
+    }
+    // What is out of range becomes its end, and is refused.
+    Milling::new(mean_n, teeth as u32, rpm, immersion).map_err(|error| error.to_string())
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.trim()
+        .parse()
+        .map_err(|_| format!("{text:?} is not a number"))
+}
+
 impl MachineCommand for Serve {
     fn run_on<K: MachineKind<N>, const N: usize, const M: usize>(
         self,
@@ -194,23 +249,24 @@ impl MachineCommand for Serve {
         let Some(path) = &self.plan else {
             let owned = self.own(&robot, &allowed)?;
             let (hand, tool) = load_generator();
-            let mut machine =
-                SimulatedMachine::<N, M>::from_robot(&robot, tool, self.motion(&robot)?)?;
-            if self.masses {
-                let reason = "is missing; a machine that moves needs the masses";
-                let masses = robot.masses.ok_or_else(|| robot.refuse("masses", reason))?;
-                machine = machine
-                    .with_masses(&masses)
-                    .map_err(|error| robot.refuse("masses", error))?;
+            let motion = self.motion(&robot)?;
+            let has_masses = robot.masses.is_some() && !self.quasi_static;
+            let mut machine = if has_masses {
+                SimulatedMachine::<N, M>::moving_from_robot(&robot, tool, motion)?
+            } else {
+                say("no masses: the platform is in equilibrium in every cycle");
+                SimulatedMachine::<N, M>::from_robot(&robot, tool, motion)?
+            };
+            if self.point_samples {
+                machine = machine.sampling_points();
             }
-            let mut force_max_n = self.force_max;
             if let Some(n_per_m) = self.workpiece {
                 let gap_m = self.workpiece_gap * 1e-6;
                 let home_m = &robot.simulation.home_m;
-                machine = machine.above(Workpiece::below(home_m, n_per_m, gap_m, self.masses)?);
-                force_max_n = 0.0;
+                machine = machine.above(Workpiece::below(home_m, n_per_m, gap_m, has_masses)?);
             }
-            let mut load = LoadProfile::new(hand, force_max_n, self.step_seconds);
+            let glide_cycles = if has_masses { glide_cycles(&robot) } else { 0 };
+            let mut load = self.load(hand, glide_cycles);
             let loops = Cycle::with_position_loops;
             return self.serve(&robot, owned, loops, || {
                 Ok((machine, move |row: &TickRecord<N>| {
@@ -528,9 +584,13 @@ impl Serve {
             return Err("--step-seconds must be from 0.1 to 3600");
         }
         let is_simulated = self.plant == PlantChoice::Simulated;
-        if !is_simulated && (self.plan.is_some() || self.workpiece.is_some() || self.masses) {
+        let needs_simulation = self.plan.is_some()
+            || self.workpiece.is_some()
+            || self.quasi_static
+            || self.point_samples;
+        if !is_simulated && needs_simulation {
             return Err(
-                "--plan, --workpiece and --masses need the simulated machine: --plant simulated",
+                "--plan, --workpiece, --quasi-static and --point-samples need the simulated machine: --plant simulated",
             );
         }
         if !(-1_000.0..=1_000.0).contains(&self.motion) {
@@ -582,10 +642,26 @@ impl Serve {
         }
     }
 
-    /// The force steps on a simulated tool.
-    #[cfg(all(feature = "ethercat", target_os = "linux"))]
-    pub(super) fn load(&self, hand: gantry_tau_sim::load_generator::LoadGenerator) -> LoadProfile {
-        LoadProfile::new(hand, self.force_max, self.step_seconds)
+    /// The load on a simulated tool.
+    pub(super) fn load(&self, mut hand: LoadGenerator, glide_cycles: u32) -> LoadProfile {
+        hand.glide(glide_cycles);
+        if let Some(cutter) = self.milling {
+            return LoadProfile::of(hand, LoadPattern::Milling(cutter));
+        }
+        if let Some(Tap { force_n, cycles }) = self.tap {
+            let every_cycles = (self.step_seconds * 1e3).round() as u32;
+            let tap = LoadPattern::Tap {
+                force_n,
+                cycles,
+                every_cycles,
+            };
+            return LoadProfile::of(hand, tap);
+        }
+        let force_max_n = match self.workpiece {
+            Some(_) => 0.0,
+            None => self.force_max,
+        };
+        LoadProfile::new(hand, force_max_n, self.step_seconds)
     }
 }
 

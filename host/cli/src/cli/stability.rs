@@ -1,37 +1,25 @@
 //! `gantry-tau stability`.
 
+mod page;
+mod report;
+
 use std::process::ExitCode;
 
 use crate::terminal::{Progress, say};
 use clap::Args;
-use gantry_tau_machine::drive_cascade::VELOCITY_INTEGRAL_S;
 use gantry_tau_machine::dynamics::MassiveMachine;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
-use gantry_tau_machine::stability::survey::{MIN_MARGIN, MIN_MARGIN_PER_AXIS};
-use gantry_tau_machine::stability::{
-    Compensation, Contact, DriveKind, FilterKind, Place, StabilitySurvey,
-};
+use gantry_tau_machine::stability::{Compensation, DriveKind, FilterKind, StabilitySurvey};
 use gantry_tau_system::output::{Kind, Output};
-use nalgebra::Vector3;
-use serde_json::{Value, json};
+
+use self::report::{Judged, Report};
 
 use super::outputs::{NamedInput, file};
 use super::{Failure, MachineCommand, Outcome, fail};
 
 /// Smallest latency that is judged, cycles: one, and one of each direction of the drives.
 const MIN_LATENCY: usize = 3;
-/// Share of a step that a settled offset is within.
-const SETTLED: f64 = 0.05;
-/// Stiffnesses of workpieces that are judged at home, N/m.
-const WORKPIECES_N_PER_M: [f64; 11] = [1e4, 3e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9];
-/// Directions of contact.
-const DIRECTIONS: [(&str, [f64; 3]); 4] = [
-    ("x", [1.0, 0.0, 0.0]),
-    ("y", [0.0, 1.0, 0.0]),
-    ("z", [0.0, 0.0, 1.0]),
-    ("xz", [1.0, 0.0, 1.0]),
-];
 
 /// Tell whether the compensation is stable on a machine with mass, and by what margin
 ///
@@ -67,6 +55,13 @@ pub(crate) struct Stability {
     /// Gain of the drives' position loops, 1/s; the default is that of the robot file
     #[arg(long, value_name = "1/s", value_parser = within(1.0, 499.0))]
     position_gain: Option<f64>,
+    /// Try filters of second order from 2 to 20 Hz, with none to two notches, and name the fastest
+    /// with the required margins
+    #[arg(long)]
+    design: bool,
+    /// Path of a page: margins over tool and cut-off, growth on workpieces, maps over the travel
+    #[arg(long, value_name = "FILE.html", value_parser = file(Kind::Page))]
+    page: Option<Output>,
     /// The answer for programs
     #[arg(long, value_name = "FILE", value_parser = file(Kind::Answer))]
     json: Option<Output>,
@@ -118,9 +113,21 @@ impl MachineCommand for Stability {
         drop(progress);
         let survey =
             survey.ok_or_else(|| robot.refuse("masses", "the machine has no modes at home"))?;
-        let report = Report::new(&robot, &machine, &compensation, &survey)?;
+        let judged = Judged {
+            robot: &robot,
+            machine: &machine,
+            compensation: &compensation,
+            survey: &survey,
+        };
+        let mut report = Report::new(&judged)?;
+        if self.design {
+            report.design(&judged)?;
+        }
         if let Some(json) = &self.json {
-            json.write(&format!("{:#}\n", report.json))?;
+            json.write(&format!("{:#}\n", report.json()))?;
+        }
+        if let Some(page) = &self.page {
+            page.write(&page::page(&judged, &report.text)?)?;
         }
         say(&report.text);
         if report.faults.is_empty() {
@@ -154,278 +161,4 @@ impl Stability {
             gain: robot.client.gain,
         })
     }
-}
-
-/// Text, answer for programs, and the reasons to refuse a compensation.
-struct Report {
-    text: String,
-    json: Value,
-    faults: Vec<String>,
-}
-
-/// Lines of a report, each with its numbers for programs.
-#[derive(Default)]
-struct Lines {
-    text: Vec<String>,
-    json: serde_json::Map<String, Value>,
-}
-
-impl Lines {
-    fn add(&mut self, name: &str, text: impl std::fmt::Display, key: &str, numbers: Value) {
-        self.text.push(format!("{name:<26}{text}"));
-        self.json.insert(key.to_owned(), numbers);
-    }
-}
-
-impl Report {
-    fn new<K: MachineKind<N>, const N: usize>(
-        robot: &RobotFile<K, N>,
-        machine: &MassiveMachine<N>,
-        compensation: &Compensation<N>,
-        survey: &StabilitySurvey<N>,
-    ) -> Result<Self, Failure> {
-        let mut lines = Lines::default();
-        let mut faults = Vec::new();
-        lines.text.push(format!("{}\n", robot.name));
-        lines
-            .json
-            .insert("format".to_owned(), json!("gantry-tau stability 1"));
-        lines.json.insert("robot".to_owned(), json!(robot.name));
-        setup(machine, compensation, survey, &mut lines);
-        modes(compensation, survey, &mut lines)?;
-        margins(compensation, survey, &mut lines, &mut faults)?;
-        contact(compensation, &survey.home, &mut lines)?;
-        let verdict = if faults.is_empty() {
-            "stable, with the required margin"
-        } else {
-            "refused"
-        };
-        lines.add("verdict", verdict, "faults", json!(faults));
-        Ok(Self {
-            text: lines.text.join("\n"),
-            json: Value::Object(lines.json),
-            faults,
-        })
-    }
-}
-
-fn setup<const N: usize>(
-    machine: &MassiveMachine<N>,
-    compensation: &Compensation<N>,
-    survey: &StabilitySurvey<N>,
-    lines: &mut Lines,
-) {
-    let masses = &machine.masses;
-    let tool = format!("{:.2} kg", masses.tool.mass_kg);
-    lines.add("tool", tool, "tool_kg", json!(masses.tool.mass_kg));
-    let damping = format!("{} % of every mode", masses.damping_ratio * 1e2);
-    lines.add(
-        "damping",
-        damping,
-        "damping_ratio",
-        json!(masses.damping_ratio),
-    );
-    let (name, cutoff_hz, notches) = match compensation.filter {
-        FilterKind::FirstOrder { cutoff_hz } => ("first order", cutoff_hz, 0),
-        FilterKind::SecondOrder { cutoff_hz } => ("second order", cutoff_hz, 0),
-        FilterKind::Auto {
-            cutoff_hz, notches, ..
-        } => ("second order", cutoff_hz, notches),
-    };
-    let with = if notches > 0 {
-        format!(", {notches} notches at the modes of each place")
-    } else {
-        String::new()
-    };
-    let numbers = json!({"kind": name, "cutoff_hz": cutoff_hz, "notches": notches});
-    lines.add(
-        "filter",
-        format!("{name}, {cutoff_hz} Hz{with}"),
-        "filter",
-        numbers,
-    );
-    let settles_s = survey.home.filter().settling_s(SETTLED);
-    let text = format!("to 5 % in {:.0} ms at home", settles_s * 1e3);
-    lines.add("  settles", text, "settles_s", json!(settles_s));
-    let latency = compensation.latency_cycles;
-    lines.add(
-        "latency",
-        format!("{latency} cycles"),
-        "latency_cycles",
-        json!(latency),
-    );
-}
-
-fn modes<const N: usize>(
-    compensation: &Compensation<N>,
-    survey: &StabilitySurvey<N>,
-    lines: &mut Lines,
-) -> Result<(), Failure> {
-    let first: Vec<f64> = survey.home.modes_hz.iter().take(5).copied().collect();
-    let texts: Vec<String> = first.iter().map(|hz| format!("{hz:.1}")).collect();
-    lines.add(
-        "modes at home, Hz",
-        texts.join(", "),
-        "modes_at_home_hz",
-        json!(first),
-    );
-    let ranges = survey.modes_range_hz();
-    let texts: Vec<String> = (ranges.iter())
-        .map(|[low, high]| format!("{low:.1} to {high:.1}"))
-        .collect();
-    lines.add(
-        "  in reach, Hz",
-        texts.join(", "),
-        "modes_in_reach_hz",
-        json!(ranges),
-    );
-    if let DriveKind::Cascade {
-        position_gain_per_s,
-        ..
-    } = compensation.drives
-    {
-        let limit_hz = (position_gain_per_s / VELOCITY_INTEGRAL_S).sqrt() / std::f64::consts::TAU;
-        let vibrations = survey.home.vibrations().ok_or(NO_EIGENVALUES)?;
-        let (hz, ratio) = (vibrations.into_iter())
-            .min_by(|one, other| one.1.total_cmp(&other.1))
-            .ok_or(NO_EIGENVALUES)?;
-        let text = format!(
-            "not passive below {limit_hz:.0} Hz; the least damped mode at home keeps {:.2} % at {hz:.1} Hz",
-            ratio * 1e2
-        );
-        let numbers = json!({
-            "position_gain_per_s": position_gain_per_s,
-            "not_passive_below_hz": limit_hz,
-            "least_damping_ratio": ratio,
-            "at_hz": hz,
-        });
-        lines.add("drives", text, "drives", numbers);
-    }
-    Ok(())
-}
-
-fn margins<const N: usize>(
-    compensation: &Compensation<N>,
-    survey: &StabilitySurvey<N>,
-    lines: &mut Lines,
-    faults: &mut Vec<String>,
-) -> Result<(), Failure> {
-    let judged = survey.places.len();
-    let text = format!(
-        "{judged}, every 0.1 m; {} more are over 10 times as compliant as home",
-        survey.too_compliant
-    );
-    let numbers = json!({"judged": judged, "too_compliant": survey.too_compliant});
-    lines.add("places", text, "places", numbers);
-    let worst = survey.worst(|place| place.margin.any_phase);
-    let wrong = survey.worst(|place| place.wrong_modes_margin.any_phase);
-    let per_axis = survey.worst(|place| place.wrong_modes_margin.phase_per_axis);
-    for (name, key, place, value, hz, required) in [
-        (
-            "margin, any phase",
-            "margin_any_phase",
-            worst,
-            worst.margin.any_phase,
-            Some(worst.margin.hz),
-            MIN_MARGIN,
-        ),
-        (
-            "  modes 20 % wrong",
-            "margin_modes_wrong",
-            wrong,
-            wrong.wrong_modes_margin.any_phase,
-            Some(wrong.wrong_modes_margin.hz),
-            MIN_MARGIN,
-        ),
-        (
-            "  and a phase per axis",
-            "margin_phase_per_axis",
-            per_axis,
-            per_axis.wrong_modes_margin.phase_per_axis,
-            None,
-            MIN_MARGIN_PER_AXIS,
-        ),
-    ] {
-        let at = at(place);
-        let frequency = hz.map(|hz| format!(", {hz:.1} Hz")).unwrap_or_default();
-        let text = format!("{value:.2} at {at} m{frequency} (required: {required})");
-        let place_m: [f64; 3] = place.pose.translation_m.into();
-        let numbers = json!({"value": value, "at_m": place_m, "hz": hz, "required": required});
-        lines.add(name, text, key, numbers);
-        if value < required {
-            faults.push(format!("{} is {value:.2}, below {required}", name.trim()));
-        }
-    }
-    let growth = worst
-        .growth(compensation.latency_cycles)
-        .ok_or(NO_EIGENVALUES)?;
-    let text = format!(
-        "{:+.2} 1/s at {:.1} Hz, where the margin is least",
-        growth.per_s, growth.hz
-    );
-    let numbers = json!({"per_s": growth.per_s, "hz": growth.hz});
-    lines.add("growth", text, "growth", numbers);
-    if growth.per_s >= 0.0 {
-        faults.push(format!(
-            "it swings in free air, {:+.2} 1/s at {:.1} Hz",
-            growth.per_s, growth.hz
-        ));
-    }
-    Ok(())
-}
-
-/// Growth on workpieces, at home. It is told, and refuses nothing: force control has a gain of its
-/// own for it.
-fn contact<const N: usize>(
-    compensation: &Compensation<N>,
-    home: &Place<N>,
-    lines: &mut Lines,
-) -> Result<(), Failure> {
-    let mut numbers = serde_json::Map::new();
-    let mut texts = Vec::new();
-    for (name, direction) in DIRECTIONS {
-        let mut stiffest = None;
-        let mut growths = Vec::new();
-        let mut is_stable = true;
-        for stiffness_n_per_m in WORKPIECES_N_PER_M {
-            let contact = Contact {
-                stiffness_n_per_m,
-                direction: Vector3::from(direction),
-            };
-            let growth = (home.growth_in_contact(&contact, compensation)).ok_or(NO_EIGENVALUES)?;
-            is_stable &= growth.per_s < 0.0;
-            if is_stable {
-                stiffest = Some(stiffness_n_per_m);
-            }
-            growths.push(json!({
-                "n_per_m": stiffness_n_per_m,
-                "per_s": growth.per_s,
-                "hz": growth.hz,
-            }));
-        }
-        texts.push(match stiffest {
-            Some(stiffness) => format!("{name} to {stiffness:.0e}"),
-            None => format!("{name} none"),
-        });
-        numbers.insert(name.to_owned(), json!(growths));
-    }
-    let text = format!("{} N/m, at home", texts.join(", "));
-    lines.add("stable in contact", text, "contact", Value::Object(numbers));
-    Ok(())
-}
-
-const NO_EIGENVALUES: &str = "the eigenvalues of the loop are not found";
-
-fn at<const N: usize>(place: &Place<N>) -> String {
-    let place_m = place.pose.translation_m;
-    let turn = place.pose.rotation.angle().to_degrees();
-    let turned = if turn > 1e-6 {
-        format!(" turned by {turn:.0} degrees")
-    } else {
-        String::new()
-    };
-    format!(
-        "({:.2}, {:.2}, {:.2}){turned}",
-        place_m.x, place_m.y, place_m.z
-    )
 }

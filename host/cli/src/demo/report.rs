@@ -5,6 +5,7 @@ use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_report::page::Page;
 use gantry_tau_report::plots::{Curve, Plot, over_time};
 
+use super::motion::InMotion;
 use super::results::{ForceStep, Results};
 use super::sampler::TickSample;
 use super::scenario::Recording;
@@ -18,6 +19,7 @@ pub(super) fn render<K, const N: usize>(
     options: &DemoOptions<K, N>,
     results: &Results,
     recording: &Recording<N>,
+    in_motion: Option<&InMotion>,
 ) -> String {
     let mut page = Page::new(
         "gantry-tau demo",
@@ -57,7 +59,28 @@ pub(super) fn render<K, const N: usize>(
         "The short session of the newcomer is at the end.",
         &over_time::states("State of the server over time", samples),
     );
+    if let Some(in_motion) = in_motion {
+        add_motion(&mut page, in_motion);
+    }
     page.html()
+}
+
+/// Adds what a tap and a path do to a machine with masses.
+fn add_motion(page: &mut Page, in_motion: &InMotion) {
+    add(
+        page,
+        "A push of 100 N for 20 ms, with the filter of the file, and with one of first order that is fast for this machine: the force sensor \
+         reads the inertia of its own tool, and the compensation is a loop in free air.",
+        &in_motion.tap_plot(),
+    );
+    if let Some(plot) = in_motion.path_plot() {
+        add(
+            page,
+            "The inertia of the platform, the links and the carts bends the machine, which no sensor at the tool sees. With feed-forward \
+             (client.feed_forward) the client computes it from the nominal path.",
+            &plot,
+        );
+    }
 }
 
 fn introduce<K, const N: usize>(page: &mut Page, options: &DemoOptions<K, N>, results: &Results) {

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::DemoOptions;
 use super::corrections::Corrections;
+use super::motion::MotionNumbers;
 use super::sampler::TickSample;
 use super::scenario::{COMPENSATED, Recording};
 
@@ -32,6 +33,8 @@ pub struct Results {
     pub corrections: Option<Corrections>,
     /// The ramp after the cable was pulled.
     pub ramp: Ramp,
+    /// Computed motion of a machine with masses.
+    pub in_motion: Option<MotionNumbers>,
     /// Quality of the connection until the cable was pulled.
     pub link: LinkQuality,
     /// Largest change of any drive reference in one tick, nm, from the first tick to the last.
@@ -107,6 +110,7 @@ impl Results {
         options: &DemoOptions<K, N>,
         pace: TickSource,
         recording: &Recording<N>,
+        in_motion: Option<MotionNumbers>,
     ) -> Self {
         let samples = &recording.samples;
         let limits = options.robot.limits.iter();
@@ -124,6 +128,7 @@ impl Results {
             corrections: corrections(options),
             steps: steps(options, samples),
             ramp: ramp(options, recording),
+            in_motion,
             link: link(samples, recording.ended.tick),
             largest_reference_change_nm: largest_change(samples),
             allowed_reference_change_nm: largest_step.unwrap_or(0),

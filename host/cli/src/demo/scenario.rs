@@ -26,7 +26,7 @@ use gantry_tau_server::state::StopLatch;
 use gantry_tau_sim::load_generator::{AppliedLoad, Load, LoadGenerator, load_generator};
 
 use super::sampler::{Sampler, TickSample};
-use super::{DemoError, DemoOptions, Loops};
+use super::{DemoError, DemoOptions, Loops, glide_cycles};
 use crate::faults::plan::FaultPlan;
 use crate::faults::relay::Relay;
 use crate::terminal::Progress;
@@ -120,7 +120,8 @@ where
         TickSource::RealTime => Capabilities::NONE,
         TickSource::Lockstep => Capabilities::LOCKSTEP,
     };
-    let (hand, tool) = load_generator();
+    let (mut hand, tool) = load_generator();
+    hand.glide(glide_cycles(robot));
     let machine = build(robot, tool)?;
     let config = robot.session_config(capabilities)?;
     let axes = config.parameters().axes;
@@ -287,7 +288,8 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     fn release_and_rest(&mut self) -> Result<(), PlayError> {
         self.hand.release();
         let released = self.wait(|sample| sample.step == 0)?;
-        self.wait_ticks(released.tick, REST_TICKS)?;
+        let glide = u64::from(glide_cycles(&self.options.robot));
+        self.wait_ticks(released.tick, glide + REST_TICKS)?;
         Ok(())
     }
 

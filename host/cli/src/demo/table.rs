@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use gantry_tau_core::model::robot::ARMS;
 
+use super::motion::MotionNumbers;
 use super::results::Results;
 
 /// Plain text, at most 110 columns.
@@ -43,6 +44,9 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
             text,
             "    with the true springs                   {first_known:9.2} um {exact_known:7.2} um"
         )?;
+    }
+    if let Some(in_motion) = &results.in_motion {
+        write_motion(text, in_motion)?;
     }
     let ramp = &results.ramp;
     let offsets: Vec<String> = (ramp.start_offset_nm.iter())
@@ -84,6 +88,32 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
     }
     for complaint in &results.complaints {
         writeln!(text, "\nNOT AS IT SHOULD BE: {complaint}")?;
+    }
+    Ok(())
+}
+
+fn write_motion(text: &mut String, in_motion: &MotionNumbers) -> std::fmt::Result {
+    let MotionNumbers {
+        settles_s,
+        margin_any_phase,
+        tap_left_um: [of_file, first_order],
+        path_largest_um,
+    } = in_motion;
+    let settles_ms = settles_s * 1e3;
+    writeln!(text, "\n  in motion, by the masses of the file")?;
+    writeln!(
+        text,
+        "    settles to 5 %              {settles_ms:.0} ms, margin {margin_any_phase:.1} against any phase (2 is required)"
+    )?;
+    writeln!(
+        text,
+        "    a second after a tap        {of_file:.2} um (filter of first order, 20 Hz: {first_order:.2} um)"
+    )?;
+    if let Some([without, with]) = path_largest_um {
+        writeln!(
+            text,
+            "    path at 5 m/s^2             {without:.1} um at most (with feed-forward {with:.1} um)"
+        )?;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ fn the_demo_compensates_ramps_and_reports() {
         "--pace",
         "lockstep",
         "--step-seconds",
-        "0.2",
+        "0.5",
         "--force-max",
         "120",
     ];
@@ -29,7 +29,7 @@ fn the_demo_compensates_ramps_and_reports() {
     assert!(said.contains("demo.html"), "{said}");
     assert_numbers(&serde_json::from_str(&folder.read("demo.json")).unwrap());
     let report = folder.read("demo.html");
-    assert_eq!(report.matches("<svg").count(), 4);
+    assert_eq!(report.matches("<svg").count(), 6);
     assert!(report.trim_end().ends_with("</html>"));
     assert_rows(&folder.read("demo.csv"));
 }
@@ -82,7 +82,7 @@ fn an_output_of_a_demo_that_cannot_be_written_costs_no_other() {
             "--pace",
             "lockstep",
             "--step-seconds",
-            "0.2",
+            "0.5",
             "--force-max",
             "120",
         ];

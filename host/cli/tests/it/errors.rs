@@ -96,7 +96,7 @@ fn a_workpiece_that_cannot_be_simulated_is_refused() {
     let folder = Folder::new("workpiece");
     for (arguments, words) in [
         (
-            ["--workpiece", "1e7"],
+            ["--workpiece=1e7", "--quasi-static"],
             "stiffness of the workpiece (N/m) must be from 1e0 to 1e6",
         ),
         (["--workpiece", "NaN"], "stiffness of the workpiece"),
@@ -109,7 +109,7 @@ fn a_workpiece_that_cannot_be_simulated_is_refused() {
         assert_says(&line, &[words]);
     }
     let line = folder
-        .run(&[&SERVE[..], &["--masses", "--workpiece=1e10"]].concat())
+        .run(&[&SERVE[..], &["--workpiece=1e10"]].concat())
         .failure(1);
     assert_says(
         &line,
@@ -118,7 +118,7 @@ fn a_workpiece_that_cannot_be_simulated_is_refused() {
     for arguments in [
         ["--workpiece=1e5", "--force-max=60"],
         ["--workpiece-gap", "3"],
-        ["--masses", "--plan=campaign.toml"],
+        ["--milling=300", "--plan=campaign.toml"],
     ] {
         folder.run(&[&SERVE[..], &arguments].concat()).failure(2);
     }
@@ -168,7 +168,7 @@ fn a_file_that_cannot_be_written_is_named() {
         "--pace",
         "lockstep",
         "--step-seconds",
-        "0.2",
+        "0.5",
         "--force-max",
         "60",
     ];

@@ -1,9 +1,9 @@
-//! `serve --masses` and `client`: a machine with mass, with the filter of its file and with one that
+//! `serve` and `client`: a machine with mass, with the filter of its file and with one that
 //! is too fast for it.
 
 use gantry_tau_machine::robot_file::text_of;
 
-use crate::process::{Folder, Running};
+use crate::process::{Folder, Running, address_behind};
 use crate::signals::{assert_no_jump, rows, serve_pulling};
 
 /// The L2 with a tool of 5 kg and a fast filter of first order: it grows by some 10/s in free air.
@@ -43,7 +43,9 @@ fn stopped(folder: &Folder, robot: &str, served: &[&str], option: &[&str]) -> St
     let [server, mut client] = start(folder, robot, served, option);
     let record = folder.path("serve.csv");
     // A row has at most 1000 bytes.
-    client.await_that("rows", |_| record.metadata().unwrap().len() > 6_000_000);
+    client.await_that("rows", |_| {
+        record.metadata().map_or(0, |file| file.len()) > 6_000_000
+    });
     let ended = client.stop();
     server.stop().success();
     ended.success()
@@ -53,7 +55,7 @@ fn stopped(folder: &Folder, robot: &str, served: &[&str], option: &[&str]) -> St
 fn the_filter_of_the_file_compensates_a_machine_with_masses() {
     let folder = Folder::new("masses");
     for robot in ["l2", "f1"] {
-        let said = stopped(&folder, robot, &["--masses"], &[]);
+        let said = stopped(&folder, robot, &[], &[]);
         assert!(said.contains("left with Goodbye after "), "{said}");
         assert!(!said.contains("oscillat"), "{said}");
     }
@@ -80,11 +82,11 @@ fn an_unstable_client_leaves_by_itself() {
     let folder = Folder::new("masses-detector");
     fast(&folder, "fast.toml", &[NO_BUDGET]);
     let accepted = &["--accept-unstable"];
-    let said = stopped(&folder, "fast.toml", &["--masses"], accepted);
+    let said = stopped(&folder, "fast.toml", &[], accepted);
     let left = "left Obtain because of oscillations: 1";
     assert!(said.contains(left), "{said}");
     assert_no_jump(&rows(&folder));
-    let said = stopped(&folder, "fast.toml", &[], accepted);
+    let said = stopped(&folder, "fast.toml", &["--quasi-static"], accepted);
     assert!(!said.contains("oscillat"), "{said}");
 }
 
@@ -94,7 +96,7 @@ fn a_client_that_shakes_the_machine_is_ended_by_the_server() {
     let folder = Folder::new("masses-budget");
     fast(&folder, "fast.toml", &[NO_DETECTOR]);
     let option = &["--accept-unstable"];
-    let [mut server, client] = start(&folder, "fast.toml", &["--masses"], option);
+    let [mut server, client] = start(&folder, "fast.toml", &[], option);
     let said = client.end().failure(6);
     assert!(
         said.contains("shaken by more than its agitation budget"),
@@ -106,19 +108,68 @@ fn a_client_that_shakes_the_machine_is_ended_by_the_server() {
 }
 
 #[test]
-fn a_file_without_masses_is_refused() {
+fn a_file_without_masses_is_in_equilibrium_and_says_so() {
     let folder = Folder::new("masses-none");
     let text = text_of("l2").unwrap();
     let (before, rest) = text.split_once("[masses]").unwrap();
     let (_, after) = rest.split_once("\n[simulation]").unwrap();
     folder.write("massless.toml", &format!("{before}\n[simulation]{after}"));
-    let arguments = [
-        "serve",
-        "--masses",
-        "--robot",
-        "massless.toml",
-        "--first-run",
-    ];
-    let said = folder.run(&arguments).failure(1);
-    assert!(said.contains("massless.toml: masses: is missing"), "{said}");
+    let [mut server, client] = start(&folder, "massless.toml", &[], &[]);
+    server.await_words("no masses: the platform is in equilibrium in every cycle");
+    client.stop().success();
+    server.stop().success();
+}
+
+/// A tap and a cutter act while a client is in Obtain, and what no cutter has is refused.
+#[test]
+fn taps_and_cutters_load_the_tool() {
+    for (option, least_n) in [("--tap=200,20", 150.0), ("--milling=100,4,3000,0.5", 80.0)] {
+        let folder = Folder::new("masses-load");
+        let served = ["--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"];
+        let arguments = [
+            "serve",
+            "--pace",
+            "lockstep",
+            "--record",
+            "serve.csv",
+            option,
+        ];
+        let mut server = folder.start("serve", &[&arguments[..], &served].concat());
+        server.await_words("Ctrl-C");
+        let said = server.stdout();
+        let [address, sensor] =
+            ["listening on ", "force sensor on "].map(|words| address_behind(&said, words));
+        let mut client = folder.start("client", &["client", &address, "--sensor", &sensor]);
+        let record = folder.path("serve.csv");
+        client.await_that("rows", |_| {
+            record.metadata().map_or(0, |file| file.len()) > 6_000_000
+        });
+        client.stop().success();
+        server.stop().success();
+        let table = folder.read("serve.csv");
+        let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+        let of = |name: &str| header.iter().position(|column| *column == name).unwrap();
+        let (phase, force) = (of("phase"), of("force_x_n"));
+        let mut largest_n: f64 = 0.0;
+        for line in table.lines().skip(1) {
+            let cells: Vec<&str> = line.split(',').collect();
+            let force_n: f64 = cells[force].parse().unwrap();
+            if cells[phase] == "Submit" {
+                assert!(force_n.abs() < 1e-9, "{line}");
+            }
+            largest_n = largest_n.max(force_n.abs());
+        }
+        assert!(largest_n > least_n, "{option}: {largest_n} N");
+    }
+    let folder = Folder::new("masses-load-refused");
+    for (option, reason) in [
+        ("--tap=1e9,20", "the force must be from -2000 to 2000 N"),
+        ("--tap=100", "expected N,MS"),
+        ("--milling=300,0", "number of teeth must be from"),
+        ("--milling=nan", "mean force must be from"),
+        ("--milling=300,4,3000,0.5,1", "at most four numbers"),
+    ] {
+        let said = folder.run(&["serve", option]).failure(2);
+        assert!(said.contains(reason), "{said}");
+    }
 }

@@ -8,7 +8,7 @@ use crate::signals::{await_obtain, client, serve};
 /// A demo in lock-step whose black box of the pulled cable is `box.jsonl`.
 fn pulled_cable(name: &str) -> Folder {
     let folder = Folder::new(name);
-    let short = ["--step-seconds", "0.2", "--force-max", "60"];
+    let short = ["--step-seconds", "0.5", "--force-max", "60"];
     let mut arguments = vec!["demo", "--pace", "lockstep", "--black-box", "box.jsonl"];
     arguments.extend(short);
     let said = folder.run(&arguments).success();

@@ -210,7 +210,7 @@ fn a_reader_that_leaves_early_makes_no_panic() {
     let folder = Folder::new("broken-pipe");
     // The shell's `head` closes the pipe after the first line.
     let script = format!(
-        "'{}' demo --pace lockstep --step-seconds 0.2 --force-max 60 --report r.html 2>err | head -n 1",
+        "'{}' demo --pace lockstep --step-seconds 0.5 --force-max 60 --report r.html 2>err | head -n 1",
         env!("CARGO_BIN_EXE_gantry-tau")
     );
     let done = std::process::Command::new("sh")

@@ -74,20 +74,72 @@ fn the_filter_decides_on_an_l2() {
     assert!(stable["faults"].as_array().unwrap().is_empty());
 }
 
+/// The usual gain of the drives takes the damping of an F1; that of its file does not.
 #[test]
 fn the_drives_of_an_f1_are_named() {
     let folder = Folder::new("stability_f1");
-    let said = folder
-        .run(&["stability", "--robot", "f1", "--json", "answer.json"])
-        .failure(3);
+    let usual = ["stability", "--robot", "f1", "--json", "answer.json"];
+    let usual = [&usual[..], &["--position-gain", "150"]].concat();
+    let said = folder.run(&usual).failure(3);
     assert!(said.contains("margin, any phase is"), "{said}");
-    let drives = &answer(&folder)["drives"];
+    let drives = answer(&folder)["drives"].clone();
     let limit_hz = drives["not_passive_below_hz"].as_f64().unwrap();
     assert!((limit_hz - 29.06).abs() < 0.01, "{drives}");
-    assert!(
-        drives["least_damping_ratio"].as_f64().unwrap() < 0.005,
-        "{drives}"
-    );
+    let least = drives["least_damping_ratio"].as_f64().unwrap();
+    assert!(least < 0.005, "{drives}");
+
+    let said = folder.run(&usual[..5]).success();
+    assert!(said.contains("stable, with the required margin"), "{said}");
+    let least = &answer(&folder)["drives"]["least_damping_ratio"];
+    assert!(least.as_f64().unwrap() > 0.015, "{least}");
+}
+
+/// The filters that were tried, and a page of its own with three charts, their maps and tables.
+#[test]
+fn a_filter_is_designed_and_a_page_is_written() {
+    let folder = Folder::new("stability_design");
+    let arguments = ["stability", "--robot", "l2", "--tool", "5", "--design"];
+    let outputs = ["--json", "answer.json", "--page", "page.html"];
+    let said = folder.run(&[&arguments[..], &outputs].concat()).success();
+    let answer = answer(&folder);
+    let tried = answer["design"]["tried"].as_array().unwrap();
+    assert_eq!(tried.len(), 27);
+    let fastest = &answer["design"]["fastest"];
+    let suffices = |filter: &&Value| filter["suffices"].as_bool().unwrap();
+    let settles_s = |filter: &Value| filter["settles_s"].as_f64().unwrap();
+    let least = (tried.iter().filter(suffices).map(settles_s)).fold(f64::MAX, f64::min);
+    assert_eq!(settles_s(fastest), least);
+    let named = "fastest with the required margins: second order, 6 Hz, 2 notches";
+    assert!(said.contains(named), "{said}");
+    // Heavier than the 5 kg of this judgement, whose margins suffice.
+    let heaviest_kg = answer["heaviest_tool_kg"].as_f64().unwrap();
+    assert!((5.0..10.0).contains(&heaviest_kg), "{heaviest_kg}");
+
+    let page = folder.read("page.html");
+    for heading in [
+        "Tool and cut-off",
+        "Workpiece and gain",
+        "Margin over the travel",
+        "Lowest mode over the travel",
+    ] {
+        assert!(page.contains(&format!("<h2>{heading}</h2>")), "{heading}");
+    }
+    assert_eq!(page.matches("<svg").count(), 8);
+    assert_eq!(page.matches("<table").count(), 3);
+    assert!(!page.contains("http://") || page.contains("www.w3.org"));
+}
+
+/// A stiffer machine takes a faster filter.
+#[test]
+fn a_stiff_machine_settles_sooner() {
+    let folder = Folder::new("stability_stiff");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/l2-stiff.toml");
+    let arguments = ["stability", "--robot", file, "--tool", "5"];
+    let said = folder
+        .run(&[&arguments[..], &["--json", "answer.json"]].concat())
+        .success();
+    assert!(said.contains("stable, with the required margin"), "{said}");
+    assert!(answer(&folder)["settles_s"].as_f64().unwrap() < 0.04);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Largest gain that is stable against a workpiece, with what the file knows of its springs.
+//! Largest gain that is not statically unstable against a workpiece, with what the file knows of its springs.
 
 use gantry_tau_core::model::stiffness::{Compliance, contact_loop_gain};
 use gantry_tau_machine::elastic::Equilibrium;
@@ -8,7 +8,8 @@ use super::model::FileModel;
 use crate::fit::statistics::NORMAL_95;
 
 impl<const N: usize> FileModel<N> {
-    /// Returns the largest gain that is stable in contact along `normal`, with 97.5 % confidence:
+    /// Returns the largest gain that is not statically unstable in contact along `normal`, with 97.5 %
+    /// confidence:
     /// `(C + 1 / k_e) / C_file` with the lower end of the 95 % interval of `C`. `at` is the machine
     /// in its pose, with the axes at `q`. `None` where the links cannot take the contact.
     pub(super) fn largest_gain(

@@ -121,8 +121,8 @@ fn add_maps(page: &mut Page, prediction: &Prediction) {
     add_map(
         page,
         prediction,
-        "Largest gain against the workpiece",
-        "Largest client.gain that is stable in contact, in the direction in which it is smallest, with 97.5 % confidence. \
+        "Largest static gain against the workpiece",
+        "Largest client.gain that is not statically unstable in contact, in the direction in which it is smallest, with 97.5 % confidence. \
          It is below 1 by what the springs are not known to, and above by what the workpiece gives way.",
         "gain",
         |place| Some(place.largest_gain),

@@ -164,7 +164,7 @@ impl fmt::Display for PredictionSummary {
         write!(
             f,
             "{:<19} {:.3} against the workpiece (97.5 %)",
-            "largest gain", self.largest_gain
+            "largest static gain", self.largest_gain
         )
     }
 }

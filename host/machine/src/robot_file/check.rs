@@ -11,7 +11,7 @@ use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 
 use super::problems::{Problem, Problems};
 use super::sections::{Axes, Each};
-use super::{CYCLE_US, FilterKey, Keys, Motors, Sensor, Simulation};
+use super::{CYCLE_US, ClientKeys, FeedForwardKey, FilterKey, Keys, Motors, Sensor, Simulation};
 
 /// Largest deviation of `metres_per_q`, the length of a unit of `q` by the drive's count, from
 /// `|v_i|`, which calibration finds; relative. More is a wrong unit.
@@ -318,6 +318,14 @@ pub(super) fn sensor(sensor: &Sensor, problems: &mut Problems) {
     );
     problems.range("sensor.notch_q", sensor.notch_q, NOTCH_Q.0, NOTCH_Q.1);
     problems.range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6);
+}
+
+/// Checks what a client feeds forward with the presence of `[masses]`.
+pub(super) fn feed_forward(client: &ClientKeys, has_masses: bool, problems: &mut Problems) {
+    if client.feed_forward == FeedForwardKey::Inertia && !has_masses {
+        let reason = "is \"inertia\", which needs a section [masses]";
+        problems.add("client.feed_forward", reason);
+    }
 }
 
 /// Checks the filter of the load with the presence of `[masses]`.

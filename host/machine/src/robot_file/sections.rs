@@ -253,6 +253,20 @@ pub struct ClientKeys {
     /// Leave Obtain when the targets oscillate.
     #[serde(default = "default_leave_on_oscillation")]
     pub leave_on_oscillation: bool,
+    /// Loads that are compensated before the sensor reads them.
+    #[serde(default)]
+    pub feed_forward: FeedForwardKey,
+}
+
+/// Loads that a client compensates before the sensor reads them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FeedForwardKey {
+    /// None.
+    #[default]
+    None,
+    /// The inertia of the nominal motion; needs `[masses]`.
+    Inertia,
 }
 
 fn default_leave_on_oscillation() -> bool {

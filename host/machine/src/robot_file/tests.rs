@@ -140,6 +140,11 @@ fn every_error_names_its_key() {
             "gain = 1.0\nleave_on_oscillation = 1",
             "client.leave_on_oscillation",
         ),
+        (
+            "gain = 1.0",
+            "gain = 1.0\nfeed_forward = \"masses\"",
+            "client.feed_forward",
+        ),
         ("seed = 2013", "seed = -1", "simulation.seed"),
         (
             "spring_deviation = 0.03",

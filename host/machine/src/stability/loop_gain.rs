@@ -37,6 +37,22 @@ pub struct Margin {
     pub phase_per_axis: f64,
 }
 
+impl Margin {
+    /// Returns the smaller of each.
+    #[must_use]
+    pub fn least(&self, other: &Self) -> Self {
+        let worse = if other.any_phase < self.any_phase {
+            other
+        } else {
+            self
+        };
+        Self {
+            phase_per_axis: self.phase_per_axis.min(other.phase_per_axis),
+            ..*worse
+        }
+    }
+}
+
 /// Spectral radii of a machine and its correction at one frequency.
 #[derive(Clone, Copy, Debug)]
 struct Radii {

@@ -5,7 +5,8 @@ use gantry_tau_core::model::robot::ARMS;
 use nalgebra::{Rotation3, Vector3};
 
 use super::{
-    Contact, DriveKind, Filter, FilterKind, Growth, LinearMachine, Loop, LoopGain, Margin, TickMap,
+    Contact, DriveKind, Filter, FilterKind, Growth, LinearMachine, Loop, LoopGain, Margin,
+    NotchFinder, TickMap,
 };
 use crate::dynamics::MassiveMachine;
 use crate::elastic::Pose;
@@ -44,20 +45,51 @@ pub struct Compensation<const N: usize> {
 pub struct Place<const N: usize> {
     /// The platform.
     pub pose: Pose,
+    /// The axes, q-units.
+    pub axes: [f64; N],
     /// Natural frequencies, Hz, lowest first.
     pub modes_hz: Vec<f64>,
-    /// Margin with the modes as they are.
-    pub margin: Margin,
-    /// Smallest margin with the modes taken for [`WRONG_MODES`] times what they are.
-    pub wrong_modes_margin: Margin,
+    /// Margins with the filter of the compensation.
+    pub margins: Margins,
     machine: LinearMachine<N>,
     map: TickMap,
+    gain: LoopGain,
     filter: Filter,
+}
+
+/// Margins of a filter in one place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins {
+    /// With the modes as they are.
+    pub exact: Margin,
+    /// The smallest with the modes taken for [`WRONG_MODES`] times what they are.
+    pub wrong_modes: Margin,
+}
+
+impl Margins {
+    /// Returns the smaller of each margin.
+    #[must_use]
+    pub fn least(&self, other: &Self) -> Self {
+        Self {
+            exact: self.exact.least(&other.exact),
+            wrong_modes: self.wrong_modes.least(&other.wrong_modes),
+        }
+    }
+
+    /// True for the margins that are required.
+    #[must_use]
+    pub fn suffice(&self) -> bool {
+        self.exact.any_phase >= MIN_MARGIN
+            && self.wrong_modes.any_phase >= MIN_MARGIN
+            && self.wrong_modes.phase_per_axis >= MIN_MARGIN_PER_AXIS
+    }
 }
 
 /// Places of a machine, and those that are not judged.
 #[derive(Clone, Debug)]
 pub struct StabilitySurvey<const N: usize> {
+    /// Grid of the places; those at which the platform is turned are home.
+    pub grid: Grid,
     /// At home.
     pub home: Place<N>,
     /// All places that are judged, home among them.
@@ -79,27 +111,39 @@ impl<const N: usize> Place<N> {
         machine.correction *= compensation.gain;
         let map = TickMap::of(&machine, &compensation.drives);
         let gain = LoopGain::of(&machine, &map)?;
-        let notches = compensation.filter.notches(&machine, gain.response())?;
-        let filter = compensation.filter.with(&notches, 1.0);
-        let [low, high] =
-            WRONG_MODES.map(|factor| gain.margin(&compensation.filter.with(&notches, factor)));
-        let (low, high) = (low?, high?);
+        let (filter, margins) = judge(&machine, &gain, &compensation.filter)?;
         Some(Self {
             pose: *pose,
+            axes: *axes,
             modes_hz: machine.modes.hz(),
-            margin: gain.margin(&filter)?,
-            wrong_modes_margin: Margin {
-                phase_per_axis: low.phase_per_axis.min(high.phase_per_axis),
-                ..if low.any_phase < high.any_phase {
-                    low
-                } else {
-                    high
-                }
-            },
+            margins,
             machine,
             map,
+            gain,
             filter,
         })
+    }
+
+    /// Judges the compensation of a robot file's client at home, with this share of the correction.
+    /// `None` without masses or modes.
+    #[must_use]
+    pub fn at_home<K: MachineKind<N>>(robot: &RobotFile<K, N>, gain: f64) -> Option<Self> {
+        let finder = NotchFinder::of(robot)?;
+        let compensation = Compensation {
+            filter: finder.filter,
+            drives: finder.drives,
+            latency_cycles: 1,
+            gain,
+        };
+        let home = RigidPose::at(robot.home_m());
+        let axes = robot.home_q().ok()?;
+        Self::of(&finder.machine, &(&home).into(), &axes, &compensation)
+    }
+
+    /// Returns another filter here, and its margins. `None` if eigenvalues are not found.
+    #[must_use]
+    pub fn with_filter(&self, kind: &FilterKind) -> Option<(Filter, Margins)> {
+        judge(&self.machine, &self.gain, kind)
     }
 
     /// Returns the filter here.
@@ -142,6 +186,22 @@ impl<const N: usize> Place<N> {
     }
 }
 
+/// Returns a kind of filter for a machine, and its margins. `None` if eigenvalues are not found.
+fn judge<const N: usize>(
+    machine: &LinearMachine<N>,
+    gain: &LoopGain,
+    kind: &FilterKind,
+) -> Option<(Filter, Margins)> {
+    let notches = kind.notches(machine, gain.response())?;
+    let filter = kind.with(&notches, 1.0);
+    let [low, high] = WRONG_MODES.map(|factor| gain.margin(&kind.with(&notches, factor)));
+    let margins = Margins {
+        exact: gain.margin(&filter)?,
+        wrong_modes: low?.least(&high?),
+    };
+    Some((filter, margins))
+}
+
 impl<const N: usize> StabilitySurvey<N> {
     /// Judges a compensation over the travel of a machine, every 0.1 m; along guideways that are
     /// all parallel nothing changes. A machine of six axes is turned at home as well. `each` is
@@ -174,6 +234,7 @@ impl<const N: usize> StabilitySurvey<N> {
             }
         }
         Some(Self {
+            grid: grid(robot),
             home,
             places,
             too_compliant,
@@ -210,9 +271,8 @@ impl<const N: usize> StabilitySurvey<N> {
     }
 }
 
-/// Poses that are asked for: those of the grid; of a machine that turns, home turned about each
-/// axis of the world either way as well.
-fn poses<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Vec<RigidPose> {
+/// Places that are asked for: along guideways that are all parallel there is one.
+fn grid<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Grid {
     let mut grid = Grid::with_pitch(robot, PITCH_M);
     for direction in 0..3 {
         let along = Vector3::ith(direction, 1.0);
@@ -221,6 +281,13 @@ fn poses<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Vec<Rigi
             (grid.below[direction], grid.above[direction]) = (0, 0);
         }
     }
+    grid
+}
+
+/// Poses that are asked for: those of the grid; of a machine that turns, home turned about each
+/// axis of the world either way as well.
+fn poses<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Vec<RigidPose> {
+    let grid = grid(robot);
     let mut poses: Vec<_> = (grid.places())
         .map(|steps| RigidPose::at(grid.at(steps)))
         .collect();

@@ -241,14 +241,18 @@ fn the_default_of_an_l2_has_its_margin_over_the_reach() {
         "{}",
         auto.places.len()
     );
-    let worst = auto.worst(|place| place.margin.any_phase).margin.any_phase;
+    let worst = auto
+        .worst(|place| place.margins.exact.any_phase)
+        .margins
+        .exact
+        .any_phase;
     assert!((worst - 10.2).abs() < 0.2, "{worst}");
-    let wrong = auto.worst(|place| place.wrong_modes_margin.any_phase);
-    assert!(wrong.wrong_modes_margin.any_phase > 2.0);
+    let wrong = auto.worst(|place| place.margins.wrong_modes.any_phase);
+    assert!(wrong.margins.wrong_modes.any_phase > 2.0);
     assert!(
         auto.places
             .iter()
-            .all(|place| place.margin.phase_per_axis <= place.margin.any_phase)
+            .all(|place| place.margins.exact.phase_per_axis <= place.margins.exact.any_phase)
     );
     for place in &auto.places {
         for latency in [1, 3, 6] {
@@ -265,7 +269,7 @@ fn the_default_of_an_l2_has_its_margin_over_the_reach() {
     let today = judged(FilterKind::FirstOrder { cutoff_hz: 20.0 });
     for place in &today.places {
         assert!(place.growth(3).unwrap().per_s > 0.0, "{:?}", place.pose);
-        assert!(place.margin.any_phase < 1.0);
+        assert!(place.margins.exact.any_phase < 1.0);
     }
 }
 

@@ -315,7 +315,7 @@ fn of_a_demo() {
             "--pace",
             "lockstep",
             "--step-seconds",
-            "0.2",
+            "0.5",
             "--force-max",
             "60",
             "--report",
