@@ -443,10 +443,12 @@ static void machines(void)
     EXPECT(KINEMATICS_NOT_FINITE, gt_l2_exact_correction(compensator, nm, &load, &correction, &error));
     EXPECT(NULL_POINTER, gt_l2_correction(compensator, nm, NULL, &correction, NULL));
 
+    EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
+    ABOUT(-1, ORDER, 0);
+    mounting.order = 1;
     EXPECT(SENSOR_NOT_ROTATION, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     mounting.rotation[0][0] = mounting.rotation[1][1] = mounting.rotation[2][2] = 1;
     mounting.cutoff_hz = 20;
-    mounting.order = 1;
     mounting.cycle_s = 1e-3;
     EXPECT(SENSOR_OUT_OF_RANGE, gt_sensor_init(&memory, sizeof memory, &mounting, &sensor, &error));
     ABOUT(-1, TARE_SAMPLES, 0);

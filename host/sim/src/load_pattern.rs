@@ -139,7 +139,8 @@ mod tests {
             .map(|cycle| pattern.mean_n(cycle))
             .sum::<Vector3<f64>>()
             / 1e3;
-        assert!((mean.norm() - 300.0).abs() < 1.0, "{mean}");
+        // A tooth leaves the cut at its largest force, somewhere between two of 80 steps.
+        assert!((mean.norm() - 300.0).abs() < 300.0 / 80.0, "{mean}");
         for cycle in 0..20 {
             for substep in 0..SUBSTEPS {
                 let [now, later] = [cycle, cycle + 5].map(|cycle| pattern.force_n(cycle, substep));

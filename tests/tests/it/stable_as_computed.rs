@@ -17,13 +17,15 @@ use gantry_tau_sim::machine::SimulatedMachine;
 /// Cycles from a reading to the reference that answers it, in the loop below.
 const LATENCY: usize = 1;
 
-/// A machine with this tool and filter, known exactly, without noise, weight and play.
+/// A machine with this tool and filter, known exactly, with ideal drives, without noise, weight and
+/// play.
 fn exact<K: MachineKind<N>, const N: usize>(
     mut robot: RobotFile<K, N>,
     tool_kg: f64,
     filter: FilterKey,
     cutoff_hz: f64,
 ) -> RobotFile<K, N> {
+    robot.drives = None;
     robot.simulation.spring_deviation = 0.0;
     robot.simulation.force_noise_n = 0.0;
     robot.simulation.moment_noise_nm = 0.0;

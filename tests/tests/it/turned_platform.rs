@@ -30,11 +30,12 @@ const TOOL: ToolKeys = ToolKeys {
     centre_m: [0.03, -0.02, -0.15],
 };
 
-/// The machine of `robots/f1.toml` with exact springs, no play, hardly any noise, and a tool of 5
-/// kg.
+/// The machine of `robots/f1.toml` with exact springs, ideal drives, no play, hardly any noise, and
+/// a tool of 5 kg.
 fn robot() -> RobotFile<F1, AXES> {
     let mut robot = RobotFile::builtin_f1().unwrap();
     robot.sensor.tool = TOOL;
+    robot.drives = None;
     robot.simulation.spring_deviation = 0.0;
     robot.simulation.jump_gap_m = 0.0;
     (

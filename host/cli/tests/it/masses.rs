@@ -3,7 +3,7 @@
 
 use gantry_tau_machine::robot_file::text_of;
 
-use crate::process::{Folder, Running, address_behind};
+use crate::process::{Ended, Folder, Running, address_behind};
 use crate::signals::{assert_no_jump, rows, serve_pulling};
 
 /// The L2 with a tool of 5 kg and a fast filter of first order: it grows by some 10/s in free air.
@@ -40,15 +40,21 @@ fn start(folder: &Folder, robot: &str, served: &[&str], option: &[&str]) -> [Run
 
 /// Returns what a client says that runs for six steps of the load and is stopped.
 fn stopped(folder: &Folder, robot: &str, served: &[&str], option: &[&str]) -> String {
-    let [server, mut client] = start(folder, robot, served, option);
-    let record = folder.path("serve.csv");
-    // A row has at most 1000 bytes.
-    client.await_that("rows", |_| {
-        record.metadata().map_or(0, |file| file.len()) > 6_000_000
-    });
-    let ended = client.stop();
+    let [server, client] = start(folder, robot, served, option);
+    let ended = after_six_seconds(folder, client);
     server.stop().success();
     ended.success()
+}
+
+/// Stops a client after about six seconds of Obtain, by the recording of the server.
+fn after_six_seconds(folder: &Folder, mut client: Running) -> Ended {
+    client.await_words("tared; obtaining");
+    let record = folder.path("serve.csv");
+    let length = || record.metadata().map_or(0, |file| file.len());
+    let began = length();
+    // A row has some 300 bytes.
+    client.await_that("rows", |_| length() > began + 2_000_000);
+    client.stop()
 }
 
 #[test]
@@ -114,8 +120,9 @@ fn a_file_without_masses_is_in_equilibrium_and_says_so() {
     let (before, rest) = text.split_once("[masses]").unwrap();
     let (_, after) = rest.split_once("\n[simulation]").unwrap();
     folder.write("massless.toml", &format!("{before}\n[simulation]{after}"));
-    let [mut server, client] = start(&folder, "massless.toml", &[], &[]);
+    let [mut server, mut client] = start(&folder, "massless.toml", &[], &[]);
     server.await_words("no masses: the platform is in equilibrium in every cycle");
+    client.await_words("tared; obtaining");
     client.stop().success();
     server.stop().success();
 }
@@ -139,17 +146,13 @@ fn taps_and_cutters_load_the_tool() {
         let said = server.stdout();
         let [address, sensor] =
             ["listening on ", "force sensor on "].map(|words| address_behind(&said, words));
-        let mut client = folder.start("client", &["client", &address, "--sensor", &sensor]);
-        let record = folder.path("serve.csv");
-        client.await_that("rows", |_| {
-            record.metadata().map_or(0, |file| file.len()) > 6_000_000
-        });
-        client.stop().success();
+        let client = folder.start("client", &["client", &address, "--sensor", &sensor]);
+        after_six_seconds(&folder, client).success();
         server.stop().success();
         let table = folder.read("serve.csv");
         let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
         let of = |name: &str| header.iter().position(|column| *column == name).unwrap();
-        let (phase, force) = (of("phase"), of("force_x_n"));
+        let (phase, force) = (of("state"), of("force_x_n"));
         let mut largest_n: f64 = 0.0;
         for line in table.lines().skip(1) {
             let cells: Vec<&str> = line.split(',').collect();

@@ -51,12 +51,11 @@ fn key_before(text: &str, byte: usize) -> String {
     let before = text.get(..byte).unwrap_or("");
     let line_start = before.rfind('\n').map_or(0, |end| end.saturating_add(1));
     let line = text.get(line_start..).and_then(|rest| rest.lines().next());
-    let section = (before.lines().chain(line))
-        .filter_map(|line| line.trim().strip_prefix('[')?.strip_suffix(']'))
-        .rfind(|name| {
-            name.chars()
-                .all(|c| c.is_alphanumeric() || "._".contains(c))
-        });
+    // A section that is there twice.
+    if let Some(section) = line.and_then(section_named) {
+        return section.to_owned();
+    }
+    let section = before.lines().rev().find_map(section_named);
     let key = (before.lines().chain(line).rev())
         .find_map(|line| line.split_once('=').map(|(key, _)| key.trim()));
     match (section, key) {
@@ -65,6 +64,14 @@ fn key_before(text: &str, byte: usize) -> String {
         (Some(section), _) => section.to_owned(),
         (None, None) => String::new(),
     }
+}
+
+/// Returns the name of the section that a line begins.
+fn section_named(line: &str) -> Option<&str> {
+    let name = line.trim().strip_prefix('[')?.strip_suffix(']')?;
+    let is_name = name.starts_with(char::is_alphabetic)
+        && (name.chars()).all(|c| c.is_alphanumeric() || "._".contains(c));
+    is_name.then_some(name)
 }
 
 /// Number of the line of a byte, from 1.

@@ -145,6 +145,7 @@ fn every_error_names_its_key() {
             "gain = 1.0\nfeed_forward = \"masses\"",
             "client.feed_forward",
         ),
+        ("[simulation]", "[client]\n[simulation]", "client"),
         ("seed = 2013", "seed = -1", "simulation.seed"),
         (
             "spring_deviation = 0.03",

@@ -1,7 +1,8 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::OffsetNm;
-use gantry_tau_machine::model::F1_MOTORS;
+use gantry_tau_machine::model::{F1, F1_MOTORS};
+use gantry_tau_machine::robot_file::DriveKeys;
 use gantry_tau_server::plant::interpolator::Motion;
 use nalgebra::Vector3;
 
@@ -282,11 +283,19 @@ fn another_scale_of_q_is_the_same_machine() {
     assert!(off_nm(&reading).iter().all(|off| off.abs() < 100));
 }
 
+/// The F1 with ideal drives.
+fn f1_with_ideal_drives() -> RobotFile<F1, 6> {
+    RobotFile {
+        drives: None,
+        ..RobotFile::builtin_f1().unwrap()
+    }
+}
+
 /// Two motors on a cart carry half of its load each: at rest the sum of their torques holds it, with
 /// masses the weight too.
 #[test]
 fn motors_of_one_cart_share_its_load() {
-    let file = RobotFile::builtin_f1().unwrap();
+    let file = f1_with_ideal_drives();
     let machine = |tool| SimulatedMachine::from_robot(&file, tool, Motion::Hold).unwrap();
     hold_a_load(machine, 500);
     let masses = file.masses.unwrap();
@@ -324,13 +333,9 @@ fn hold_a_load(machine: impl FnOnce(AppliedLoad) -> SimulatedMachine<6, F1_MOTOR
 /// of another axis does.
 #[test]
 fn the_partner_of_a_drive_that_trips_stops_with_it() {
-    let text = gantry_tau_machine::robot_file::text_of("f1")
-        .unwrap()
-        .replacen("[simulation]", "[drives]\n\n[simulation]", 1);
-    let gantry_tau_machine::robot_file::AnyRobotFile::F1(file) =
-        gantry_tau_machine::robot_file::AnyRobotFile::parse("f1.toml", &text).unwrap()
-    else {
-        panic!("not an F1");
+    let file = RobotFile {
+        drives: Some(DriveKeys::default()),
+        ..RobotFile::builtin_f1().unwrap()
     };
     let (_hand, tool) = load_generator();
     let mut machine =

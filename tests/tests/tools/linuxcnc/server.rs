@@ -178,7 +178,8 @@ impl Bench {
         self.hal.ask("sets wrench-1 0");
         let client = Client::start(self.ports, self.udp);
         self.wait_for("gantry-tau.phase", OBTAIN);
-        self.hal.ask("sets wrench-1 100");
+        // So much that the offsets meet their limit behind the filter of the client.
+        self.hal.ask("sets wrench-1 500");
         self.pass(300);
         assert!(
             self.hal.pin("gantry-tau.1.offset").abs() > 0.05,

@@ -48,3 +48,12 @@ fn close(value: f64, expected: f64, share: f64) -> bool {
 fn ideal() -> Settings {
     Settings::IDEAL
 }
+
+/// A robot file without its section of drives.
+fn without_drives(text: &str) -> String {
+    let Some((before, rest)) = text.split_once("[drives]\n") else {
+        return text.to_owned();
+    };
+    let (_, after) = rest.split_once("\n[").unwrap();
+    format!("{before}[{after}")
+}

@@ -5,11 +5,12 @@ use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_sim::drive::Settings;
 use gantry_tau_sim::drive::supervision::Limits;
 
-use super::{F1, L2};
+use super::{F1, L2, without_drives};
 use crate::process::Folder;
 
+/// A robot file with these keys of its drives, and no others.
 fn with(robot: &str, drives: &str) -> String {
-    robot.replacen(
+    without_drives(robot).replacen(
         "[simulation]",
         &format!("[drives]\n{drives}\n[simulation]"),
         1,
@@ -26,7 +27,10 @@ fn settings(text: &str) -> Settings {
 #[test]
 fn without_it_drives_are_ideal_and_with_it_every_key_has_a_default() {
     assert_eq!(RobotFile::builtin_l2().unwrap().drives, None);
-    assert_eq!(RobotFile::builtin_f1().unwrap().drives, None);
+    let AnyRobotFile::F1(f1) = AnyRobotFile::parse("x.toml", &without_drives(F1)).unwrap() else {
+        panic!("an F1")
+    };
+    assert_eq!(f1.drives, None);
     let ax5000 = settings(&with(L2, ""));
     let limits = Limits {
         watchdog_cycles: 3,

@@ -32,8 +32,10 @@ const PUSHED: u32 = 200;
 const PROBE_N: f64 = 100.0;
 /// Displacement at which a cart counts as settled, µm.
 const SETTLED_UM: f64 = 1.0;
-/// Following error that trips nothing here, um.
+/// Following error that trips nothing here, um, and the time outside of it, ms: a slow loop lags by
+/// more.
 const WIDE_UM: f64 = 16_000.0;
+const LONG_MS: u32 = 10_000;
 /// Encoder of drives without `[drives]`: as good as none.
 const FINE_COUNTS: u32 = 1 << 30;
 
@@ -104,6 +106,7 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> FollowBench<K, N, M> {
         };
         robot.drives = Some(DriveKeys {
             following_error_um: WIDE_UM,
+            following_error_ms: LONG_MS,
             ..robot.drives.unwrap_or(usual)
         });
         // The gain is by the latency, also where a file asks for its own.
