@@ -59,8 +59,8 @@ fn after_six_seconds(folder: &Folder, mut client: Running) -> Ended {
 
 #[test]
 fn the_filter_of_the_file_compensates_a_machine_with_masses() {
-    let folder = Folder::new("masses");
     for robot in ["l2", "f1"] {
+        let folder = Folder::new(&format!("masses-{robot}"));
         let said = stopped(&folder, robot, &[], &[]);
         assert!(said.contains("left with Goodbye after "), "{said}");
         assert!(!said.contains("oscillat"), "{said}");
@@ -92,6 +92,8 @@ fn an_unstable_client_leaves_by_itself() {
     let left = "left Obtain because of oscillations: 1";
     assert!(said.contains(left), "{said}");
     assert_no_jump(&rows(&folder));
+    let folder = Folder::new("masses-quasi-static");
+    fast(&folder, "fast.toml", &[NO_BUDGET]);
     let said = stopped(&folder, "fast.toml", &["--quasi-static"], accepted);
     assert!(!said.contains("oscillat"), "{said}");
 }
