@@ -80,8 +80,9 @@ impl<const N: usize> Compensation<N> {
         };
         let mut sensor = ForceSensor::new(sensor::config(robot)).map_err(refused)?;
         let mut notches = None;
-        if let Some(finder) = NotchFinder::of(robot)
-            && matches!(finder.filter, FilterKind::Auto { .. })
+        let finder = NotchFinder::of(robot);
+        if let Some(finder) =
+            finder.filter(|finder| matches!(finder.filter, FilterKind::Auto { .. }))
         {
             let home = Pose::at(robot.home_m());
             let at_home = finder.at(&home, &robot.home_q()?);

@@ -38,9 +38,10 @@ impl<const N: usize> FollowingNotches<N> {
         let find = move || {
             for (pose, axes) in asked {
                 // Where the machine has no natural frequencies the notches stay as they are.
-                if let Some(notches) = finder.at(&pose, &axes)
-                    && answers.send(notches).is_err()
-                {
+                let Some(notches) = finder.at(&pose, &axes) else {
+                    continue;
+                };
+                if answers.send(notches).is_err() {
                     return;
                 }
             }

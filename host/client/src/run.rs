@@ -97,10 +97,8 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
     };
     let margin = HomeMargin::of(&options.robot);
     let is_asked = options.obtain || controls.obtain.load(Ordering::Relaxed);
-    if is_asked
-        && !options.accept_unstable
-        && let Some(reason) = margin.against(options.robot.client.gain)
-    {
+    let reason = margin.against(options.robot.client.gain);
+    if let Some(reason) = reason.filter(|_| is_asked && !options.accept_unstable) {
         return Err(ClientError::Setup(reason));
     }
     let (transport, server) = (options.transport, options.server.clone());
@@ -207,9 +205,8 @@ impl<const N: usize> ClientSession<'_, N> {
         else {
             return;
         };
-        if self.controls.obtain.load(Ordering::Relaxed)
-            && let Some(reason) = self.reason_against(gain)
-        {
+        let obtains = self.controls.obtain.load(Ordering::Relaxed);
+        if let Some(reason) = self.reason_against(gain).filter(|_| obtains) {
             tracing::warn!("gain {gain}: {reason}");
             return;
         }

@@ -281,8 +281,8 @@ fn moving_notches_do_not_pump() {
     };
     let (mut low_pass, mut before) = (f64::MAX, energy(&sensor));
     for sample in 0..5000_u32 {
-        if sample.is_multiple_of(7) {
-            let hz = if sample.is_multiple_of(2) { 15.0 } else { 25.0 };
+        if sample % 7 == 0 {
+            let hz = if sample % 2 == 0 { 15.0 } else { 25.0 };
             sensor
                 .set_notches(&[Some(Notch { hz, q: 10.0 }), None, None])
                 .unwrap();

@@ -74,7 +74,15 @@ fn robots_with_drives() -> Vec<(&'static str, String)> {
     let narrow = replaced(l2, "[simulation]", velocities);
     let ends = "machine_travel_m = [[-0.51, 2.01], [-2.01, 0.51], [-0.51, 2.01]]";
     vec![
-        ("f1_drives", replaced(f1, "[simulation]", drives)),
+        (
+            "f1_drives",
+            replaced(
+                f1,
+                "position_gain_per_s = 30.0",
+                "backlash_um = 20.0\nbias_permille = 200\npeak_seconds = 5.0",
+            ),
+        ),
+        ("section_twice", replaced(f1, "[simulation]", drives)),
         ("drives_of_no_pair", replaced(l2, "[simulation]", drives)),
         (
             "velocities",
