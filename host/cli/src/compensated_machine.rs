@@ -22,8 +22,9 @@ pub struct CompensatedMachine<const N: usize, const M: usize> {
     nominal: [PositionNm; N],
     tick: Tick,
     welcome: Welcome<N>,
-    /// Offsets of [`cycle`](Self::cycle), and the answer that is on its way.
+    /// Offsets of [`cycle`](Self::cycle).
     channels: [Channel<OffsetNm>; N],
+    /// Answer of the last cycle, which acts in the next.
     answer: [OffsetNm; N],
 }
 

@@ -10,6 +10,8 @@ mod scenario;
 mod table;
 
 use gantry_tau_core::control::position_loop::config::LoopConfig;
+use gantry_tau_core::model::kinematics::Pose;
+use gantry_tau_machine::dynamics::{MassiveMachine, Modes};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_machine::stability::Place;
@@ -147,13 +149,21 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     )
 }
 
+/// Says that a file has no masses.
+pub const NO_MASSES: &str = "no masses: the platform is in equilibrium in every cycle";
+
 /// Cycles in which a load on a machine with masses is reached: two periods of its lowest mode at
 /// home; 0 without masses.
 #[must_use]
 pub fn glide_cycles<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> u32 {
-    let place = Place::at_home(robot, 1.0);
-    let lowest_hz = place.and_then(|place| place.modes_hz.first().copied());
-    lowest_hz.map_or(0, |hz| (2.0e3 / hz).ceil() as u32)
+    lowest_hz(robot).map_or(0, |hz| (2.0e3 / hz).ceil() as u32)
+}
+
+fn lowest_hz<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Option<f64> {
+    let machine = MassiveMachine::of(robot)?;
+    let home = Pose::at(robot.home_m());
+    let modes = Modes::of(&machine, &(&home).into(), &robot.home_q().ok()?)?;
+    modes.hz().first().copied()
 }
 
 /// Gives a cycle the position loops of a robot file; of a machine that takes positions, none.
@@ -178,6 +188,9 @@ where
     E: std::error::Error,
 {
     options.check()?;
+    if options.robot.masses.is_none() {
+        say(NO_MASSES);
+    }
     // A path that cannot be written is found before the demo, not after it.
     let files = [&options.json, &options.black_box];
     for output in std::iter::once(&options.report).chain(files.into_iter().flatten()) {
@@ -186,6 +199,8 @@ where
     if let Err(denied) = gantry_tau_server::realtime::lock_memory() {
         tracing::warn!("no {}: {}", denied.privilege, denied.reason);
     }
+    // Before the session: what fails here costs no recording.
+    let in_motion = InMotion::of::<K, N, M>(options)?;
     let (pace, recording) = match options.pace {
         PaceChoice::Only(pace) => (pace, play(options, &build, loops, pace, false)?),
         PaceChoice::Auto => {
@@ -206,7 +221,6 @@ where
             }
         }
     };
-    let in_motion = InMotion::of::<K, N, M>(options)?;
     let numbers = in_motion.as_ref().map(InMotion::numbers);
     let results = Results::of(options, pace, &recording, numbers);
     say(format_args!("\n{}", table::render(&results)));

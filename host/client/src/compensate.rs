@@ -48,7 +48,7 @@ pub struct Compensation<const N: usize> {
     /// Of a filter whose notches are at the natural frequencies of the machine.
     notches: Option<FollowingNotches<N>>,
     feed_forward: Option<FeedForward<N>>,
-    /// What the sensor's mounting makes of a load alone.
+    /// Mounting of the force sensor, of a tool without weight.
     mounting: Mounting,
     metres_per_q: [f64; N],
     /// Load of the last cycle; `None` while taring.

@@ -2,9 +2,8 @@
 //!
 //! By the accelerations of the nominal pose and of the axes, `Q = -M(x) (a, alpha, ddq)` acts on
 //! the platform and on the axes like a load. They are second differences of the poses, and not
-//! `J ddq` with the Jacobian of a place: what changes in `J` at constant speed is worth 40 to 70 um
-//! on the built-in machines at 1 m/s. (The forces at constant rates are worth 0.03 um, and left
-//! out.)
+//! `J ddq` with the Jacobian of a place: that changes with speed, too. The forces at constant rates
+//! are left out.
 #![expect(
     clippy::indexing_slicing,
     reason = "off the reference path: arrays have a length of N"
@@ -24,7 +23,7 @@ const CUTOFF_HZ: f64 = 60.0;
 /// Largest acceleration of the tool centre point that is fed forward, m/s^2. A nominal reference
 /// that jumps has a thousand.
 const MAX_M_PER_S2: f64 = 20.0;
-/// Longest gap between two poses, ticks; after a longer one the motion begins anew.
+/// Longest gap between two poses, ticks; after a longer one the differences are restarted.
 const MAX_GAP: u64 = 10;
 
 /// Loads of the nominal motion.

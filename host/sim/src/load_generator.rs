@@ -175,7 +175,7 @@ impl AppliedLoad {
     #[must_use]
     pub fn beyond_mean_n(&self, substep: u32) -> Vector3<f64> {
         match &self.last.pattern {
-            Some(pattern) => pattern.force_n(self.cycle, substep) - pattern.mean_n(self.cycle),
+            Some(pattern) => pattern.force_n(self.cycle, substep) - Vector3::from(self.now.force_n),
             None => Vector3::zeros(),
         }
     }
@@ -189,14 +189,15 @@ fn between(from: &Load, to: &Load, cycle: u64, glide_cycles: u32) -> Load {
         return *to;
     }
     let share = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
-    let part = |from: [f64; 3], to: [f64; 3]| {
-        std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]))
-    };
     Load {
         step: to.step,
-        force_n: part(from.force_n, to.force_n),
-        moment_nm: part(from.moment_nm, to.moment_nm),
+        force_n: mixed(&from.force_n, &to.force_n, share),
+        moment_nm: mixed(&from.moment_nm, &to.moment_nm, share),
     }
+}
+
+fn mixed(from: &[f64; 3], to: &[f64; 3], share: f64) -> [f64; 3] {
+    Vector3::from(*from).lerp(&Vector3::from(*to), share).into()
 }
 
 #[cfg(test)]

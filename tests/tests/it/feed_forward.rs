@@ -18,7 +18,7 @@ const WAY: usize = 1_200;
 const ACCELERATION: f64 = 5.0;
 
 /// A path, and the machine that walks it.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Job {
     tool_kg: f64,
     /// The tool's way from home, world axes, m.
@@ -99,7 +99,9 @@ fn walk<K: MachineKind<N>, const N: usize, const M: usize>(
             (machine.nominal_m()[0], shown.displacement_m.into())
         })
         .collect();
-    rms_where_accelerated(&rows[DWELL..]) * 1e6
+    let rms_um = rms_where_accelerated(&rows[DWELL..]) * 1e6;
+    println!("{}, {job:?}: {rms_um:.1} um", robot.name);
+    rms_um
 }
 
 /// Root mean square of the displacement, m, where the acceleration of axis 1 is more than 0.9 of its

@@ -8,7 +8,7 @@ use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_machine::masses::GRAVITY_M_PER_S2;
 use gantry_tau_machine::model::{F1_MOTORS, MachineKind};
-use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
+use gantry_tau_machine::robot_file::{DriveKeys, FilterKey, RobotFile};
 use gantry_tau_machine::stability::{Growth, LinearMachine, Loop, NotchFinder, TickMap};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::{Load, load_generator};
@@ -140,4 +140,26 @@ fn f1() {
         agree::<_, 6, { F1_MOTORS }>(&robot(tool_kg, filter, cutoff_hz))
     };
     assert!(agree(10.0, FilterKey::FirstOrder, 20.0) > 2.0);
+}
+
+/// With the drives of its file, which are slow, without their delays.
+#[test]
+fn f1_with_its_drives() {
+    for (tool_kg, filter, cutoff_hz) in [
+        (10.0, FilterKey::FirstOrder, 20.0),
+        (5.0, FilterKey::Auto, 6.0),
+    ] {
+        let drives = DriveKeys {
+            command_delay_cycles: 0,
+            actual_delay_cycles: 0,
+            encoder_counts_per_turn: 1 << 30,
+            ..RobotFile::builtin_f1().unwrap().drives.unwrap()
+        };
+        let robot = RobotFile {
+            drives: Some(drives),
+            ..exact(RobotFile::builtin_f1().unwrap(), tool_kg, filter, cutoff_hz)
+        };
+        let growth_per_s = agree::<_, 6, F1_MOTORS>(&robot);
+        assert_eq!(growth_per_s > 0.0, filter == FilterKey::FirstOrder);
+    }
 }

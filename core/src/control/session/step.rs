@@ -234,7 +234,7 @@ fn complete<const N: usize>(
         skipped: tick.cycles().saturating_sub(1),
         all_zero,
         agitated,
-        nominal_fault: each(stepped).fold(false, |any, stepped| any | *stepped),
+        nominal_fault: each(stepped).any(|stepped| *stepped),
         ..accepted
     }
 }
@@ -246,9 +246,7 @@ pub(super) fn all_zero<const N: usize>(axes: &[Axis; N]) -> bool {
 
 /// True if the agitation of an axis is beyond its budget.
 fn is_agitated<const N: usize>(parameters: &Parameters<N>, axes: &[Axis; N]) -> bool {
-    // Most ticks have none.
-    let any = each(axes).fold(0, |any, axis| any | axis.agitation.0);
-    any != 0 && zip(axes, &parameters.axes).any(|(axis, config)| axis.is_agitated(config))
+    zip(axes, &parameters.axes).any(|(axis, config)| axis.is_agitated(config))
 }
 
 /// Action of the shadow: it follows fresh commands in Submit and holds over a miss; elsewhere it

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use crate::demo::{Loops, glide_cycles};
+use crate::demo::{Loops, NO_MASSES, glide_cycles};
 use crate::signals;
 use crate::terminal::say;
 use clap::{ArgGroup, Args};
@@ -250,11 +250,13 @@ impl MachineCommand for Serve {
             let owned = self.own(&robot, &allowed)?;
             let (hand, tool) = load_generator();
             let motion = self.motion(&robot)?;
+            if robot.masses.is_none() {
+                say(NO_MASSES);
+            }
             let has_masses = robot.masses.is_some() && !self.quasi_static;
             let mut machine = if has_masses {
                 SimulatedMachine::<N, M>::moving_from_robot(&robot, tool, motion)?
             } else {
-                say("no masses: the platform is in equilibrium in every cycle");
                 SimulatedMachine::<N, M>::from_robot(&robot, tool, motion)?
             };
             if self.point_samples {
@@ -592,6 +594,9 @@ impl Serve {
             return Err(
                 "--plan, --workpiece, --quasi-static and --point-samples need the simulated machine: --plant simulated",
             );
+        }
+        if !self.plant.is_simulated() && (self.tap.is_some() || self.milling.is_some()) {
+            return Err("--tap and --milling need a simulated tool: --plant simulated");
         }
         if !(-1_000.0..=1_000.0).contains(&self.motion) {
             return Err("--motion must be from -1000 to 1000 mm");

@@ -11,7 +11,7 @@ use gantry_tau_machine::dynamics::MassiveMachine;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
 use gantry_tau_machine::stability::{Compensation, DriveKind, FilterKind, StabilitySurvey};
-use gantry_tau_system::output::{Kind, Output};
+use gantry_tau_system::output::{Kind, Output, write_all};
 
 use self::report::{Judged, Report};
 
@@ -108,6 +108,10 @@ impl MachineCommand for Stability {
         masses.tool.mass_kg = self.tool.unwrap_or(masses.tool.mass_kg);
         masses.damping_ratio = self.damping.unwrap_or(masses.damping_ratio);
         let compensation = self.compensation(&robot, drives)?;
+        // A path that cannot be written is found before the survey, not after it.
+        for output in [&self.json, &self.page].into_iter().flatten() {
+            output.check(false)?;
+        }
         let progress = Progress::new(StabilitySurvey::candidates(&robot), "places");
         let survey = StabilitySurvey::of(&robot, &machine, &compensation, || progress.step());
         drop(progress);
@@ -123,12 +127,16 @@ impl MachineCommand for Stability {
         if self.design {
             report.design(&judged)?;
         }
-        if let Some(json) = &self.json {
-            json.write(&format!("{:#}\n", report.json()))?;
-        }
-        if let Some(page) = &self.page {
-            page.write(&page::page(&judged, &report.text)?)?;
-        }
+        let json = format!("{:#}\n", report.json());
+        let page = match self.page {
+            Some(_) => page::page(&judged, &report.text)?,
+            None => String::new(),
+        };
+        let outputs = [(&self.json, &*json), (&self.page, &*page)];
+        let files = outputs
+            .into_iter()
+            .filter_map(|(output, text)| Some((output.as_ref()?, text)));
+        write_all(&files.collect::<Vec<_>>())?;
         say(&report.text);
         if report.faults.is_empty() {
             Ok(ExitCode::SUCCESS)

@@ -77,45 +77,36 @@ impl InMotion {
     /// Returns what is said of it in numbers.
     #[must_use]
     pub fn numbers(&self) -> MotionNumbers {
-        let left = |track: &Track| largest(track.iter().skip(SECOND));
+        let tap = self.tap.each_ref();
         let path = self.path.as_ref();
         MotionNumbers {
             settles_s: self.settles_s,
             margin_any_phase: self.margin_any_phase,
-            tap_left_um: self.tap.each_ref().map(left),
-            path_largest_um: path.map(|path| path.each_ref().map(|track| largest(track.iter()))),
+            tap_left_um: tap.map(|track| largest(&track[SECOND..])),
+            path_largest_um: path.map(|path| path.each_ref().map(|track| largest(track))),
         }
     }
 
     pub(super) fn tap_plot(&self) -> Plot {
-        let [of_file, first_order] = self.tap.clone();
-        Plot::new(
-            "A tap in free air",
-            "time, s",
-            "displacement, µm",
-            vec![
-                Curve::line("filter of the file", of_file),
-                Curve::line("first order, 20 Hz", first_order),
-            ],
-        )
+        let names = ["filter of the file", "first order, 20 Hz"];
+        plot("A tap in free air", names, &self.tap)
     }
 
     pub(super) fn path_plot(&self) -> Option<Plot> {
-        let [without, with] = self.path.clone()?;
-        Some(Plot::new(
-            "A path at 5 m/s²",
-            "time, s",
-            "displacement, µm",
-            vec![
-                Curve::line("without feed-forward", without),
-                Curve::line("with feed-forward", with),
-            ],
-        ))
+        let names = ["without feed-forward", "with feed-forward"];
+        let path = self.path.as_ref()?;
+        Some(plot("A path at 5 m/s²", names, path))
     }
 }
 
-fn largest<'a>(track: impl Iterator<Item = &'a (f64, f64)>) -> f64 {
-    track.fold(0.0, |most, (_, um)| most.max(*um))
+fn plot(title: &str, names: [&str; 2], tracks: &[Track; 2]) -> Plot {
+    let curves = names.into_iter().zip(tracks);
+    let curves = curves.map(|(name, track)| Curve::line(name, track.clone()));
+    Plot::new(title, "time, s", "displacement, µm", curves.collect())
+}
+
+fn largest(track: &[(f64, f64)]) -> f64 {
+    track.iter().fold(0.0, |most, (_, um)| most.max(*um))
 }
 
 fn move_it<K: MachineKind<N>, const N: usize, const M: usize>(
@@ -128,7 +119,6 @@ fn move_it<K: MachineKind<N>, const N: usize, const M: usize>(
     let Some(place) = place else {
         return Ok(None);
     };
-    let tap = |client: &RobotFile<K, N>| track::<K, N, M>(robot, client, Motion::Hold, true);
     let mut first_order = client.clone();
     first_order.sensor.filter = Some(FilterKey::FirstOrder);
     first_order.sensor.cutoff_hz = FAST_HZ;
@@ -139,7 +129,10 @@ fn move_it<K: MachineKind<N>, const N: usize, const M: usize>(
     Ok(Some(InMotion {
         settles_s: place.filter().settling_s(SETTLED),
         margin_any_phase: place.margins.exact.any_phase,
-        tap: [tap(client)?, tap(&first_order)?],
+        tap: [
+            track::<K, N, M>(robot, client, Motion::Hold, true)?,
+            track::<K, N, M>(robot, &first_order, Motion::Hold, true)?,
+        ],
         path,
     }))
 }

@@ -69,8 +69,8 @@ pub(super) fn render<K, const N: usize>(
 fn add_motion(page: &mut Page, in_motion: &InMotion) {
     add(
         page,
-        "A push of 100 N for 20 ms, with the filter of the file, and with one of first order that is fast for this machine: the force sensor \
-         reads the inertia of its own tool, and the compensation is a loop in free air.",
+        "A push of 100 N for 20 ms, with the filter of the file, and with one of first order at 20 Hz: the force sensor reads the inertia of \
+         its own tool, so that the compensation is a loop in free air.",
         &in_motion.tap_plot(),
     );
     if let Some(plot) = in_motion.path_plot() {

@@ -95,6 +95,8 @@ struct Scenario<'a, K, const N: usize> {
     server: Server<N>,
     sampler: Sampler<N>,
     hand: LoadGenerator,
+    /// Cycles in which the hand reaches a load.
+    glide_cycles: u32,
     relay: Relay,
     controls: Arc<ClientControls>,
     client: JoinHandle<Result<ClientReport, ClientError>>,
@@ -121,7 +123,8 @@ where
         TickSource::Lockstep => Capabilities::LOCKSTEP,
     };
     let (mut hand, tool) = load_generator();
-    hand.glide(glide_cycles(robot));
+    let glide_cycles = glide_cycles(robot);
+    hand.glide(glide_cycles);
     let machine = build(robot, tool)?;
     let config = robot.session_config(capabilities)?;
     let axes = config.parameters().axes;
@@ -171,6 +174,7 @@ where
         server,
         sampler: Sampler::new(rows, monitor),
         hand,
+        glide_cycles,
         relay,
         controls,
         client,
@@ -288,8 +292,7 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
     fn release_and_rest(&mut self) -> Result<(), PlayError> {
         self.hand.release();
         let released = self.wait(|sample| sample.step == 0)?;
-        let glide = u64::from(glide_cycles(&self.options.robot));
-        self.wait_ticks(released.tick, glide + REST_TICKS)?;
+        self.wait_ticks(released.tick, u64::from(self.glide_cycles) + REST_TICKS)?;
         Ok(())
     }
 

@@ -77,25 +77,32 @@ pub fn heaviest_tool_kg<const N: usize>(
     compensation: &Compensation<N>,
     places: &[&Place<N>],
 ) -> Option<f64> {
-    let suffices = |mass_kg: f64| {
-        let mut machine = *machine;
-        machine.masses.tool.mass_kg = mass_kg;
-        places.iter().all(|place| {
-            Place::of(&machine, &place.pose, &place.axes, compensation)
-                .is_some_and(|place| place.margins.suffice())
-        })
-    };
-    if suffices(MAX_TOOL_KG) {
+    if suffices(machine, compensation, places, MAX_TOOL_KG) {
         return Some(MAX_TOOL_KG);
     }
     let (mut lower, mut upper) = (0.0, MAX_TOOL_KG);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (lower + upper);
-        if suffices(middle) {
+        if suffices(machine, compensation, places, middle) {
             lower = middle;
         } else {
             upper = middle;
         }
     }
     (lower > 0.0).then_some(lower)
+}
+
+/// True if the margins suffice in these places with a tool of this mass, kg.
+fn suffices<const N: usize>(
+    machine: &MassiveMachine<N>,
+    compensation: &Compensation<N>,
+    places: &[&Place<N>],
+    mass_kg: f64,
+) -> bool {
+    let mut machine = *machine;
+    machine.masses.tool.mass_kg = mass_kg;
+    places.iter().all(|place| {
+        Place::of(&machine, &place.pose, &place.axes, compensation)
+            .is_some_and(|place| place.margins.suffice())
+    })
 }

@@ -1,7 +1,7 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::OffsetNm;
-use gantry_tau_machine::model::{F1, F1_MOTORS};
+use gantry_tau_machine::model::{F1, F1_MOTORS, L2};
 use gantry_tau_machine::robot_file::DriveKeys;
 use gantry_tau_server::plant::interpolator::Motion;
 use nalgebra::Vector3;
@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use super::*;
 use crate::fixture::{Vectors, motion, parameters, springs};
 use crate::load_generator::{LoadGenerator, load_generator};
+use crate::load_pattern::{LoadPattern, Milling};
 
 type Machine = SimulatedMachine<ARMS, ARMS>;
 
@@ -364,4 +365,39 @@ fn the_partner_of_a_drive_that_trips_stops_with_it() {
         assert_ne!(read, Ok(()));
         return;
     }
+}
+
+/// A cutter whose teeth come with 1 kHz: samples at a point of time all see a tooth at the same
+/// angle, and their mean is wrong; the mean over a cycle is right.
+#[test]
+fn a_sensor_must_not_sample_points_of_a_fast_cutter() {
+    let file = RobotFile::builtin_l2().unwrap();
+    let [mean_n, of_points_n] = [false, true].map(|points| cutting_force_n(&file, points));
+    // A tooth leaves the cut between two of 16 steps.
+    assert!((mean_n - 300.0).abs() < 300.0 / 16.0, "{mean_n}");
+    assert!((of_points_n - 300.0).abs() > 90.0, "{of_points_n}");
+}
+
+/// Mean of what the sensor shows of a cutter of 300 N, N.
+fn cutting_force_n(file: &RobotFile<L2, 3>, points: bool) -> f64 {
+    let (mut hand, tool) = load_generator();
+    let machine = SimulatedMachine::<3, 3>::from_robot(file, tool, Motion::Hold).unwrap();
+    let mut machine = if points {
+        machine.sampling_points()
+    } else {
+        machine
+    };
+    let [unloaded_n, loaded_n] =
+        [None, Some(Milling::new(300.0, 4, 15_000.0, 0.5).unwrap())].map(|cutter| {
+            if let Some(cutter) = cutter {
+                hand.begin(LoadPattern::Milling(cutter));
+            }
+            let mut sum_n = Vector3::zeros();
+            for _ in 0..1_000 {
+                let [x, y, z, ..] = machine.read(1).unwrap().tool.unwrap().sensor;
+                sum_n += Vector3::new(x, y, z) * 1e-3;
+            }
+            sum_n
+        });
+    (loaded_n - unloaded_n).norm()
 }

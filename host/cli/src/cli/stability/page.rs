@@ -3,7 +3,7 @@
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::stability::design::CUTOFFS_HZ;
 use gantry_tau_machine::stability::survey::{MIN_MARGIN, Margins};
-use gantry_tau_machine::stability::{Compensation, FilterKind, Place};
+use gantry_tau_machine::stability::{Compensation, FilterKind, Place, StabilitySurvey};
 use gantry_tau_report::page::{Page, Table};
 use gantry_tau_report::plots::{Curve, Plot};
 use gantry_tau_report::workspace::add_slices;
@@ -34,39 +34,40 @@ pub(super) fn page<K: MachineKind<N>, const N: usize>(
     Ok(page.html())
 }
 
-/// The place with the least margin, for tools of these masses.
+/// A place with each of the tools.
 fn with_tools<K, const N: usize>(
     judged: &Judged<'_, K, N>,
+    at: &Place<N>,
 ) -> Result<Vec<(f64, Place<N>)>, Failure> {
-    let least = (judged.survey).worst(|place| place.margins.wrong_modes.any_phase);
     let places = TOOLS_KG.into_iter().map(|mass_kg| {
         let mut machine = *judged.machine;
         machine.masses.tool.mass_kg = mass_kg;
-        Place::of(&machine, &least.pose, &least.axes, judged.compensation)
-            .map(|place| (mass_kg, place))
+        Place::of(&machine, &at.pose, &at.axes, judged.compensation).map(|place| (mass_kg, place))
     });
     Ok(places.collect::<Option<_>>().ok_or(NO_EIGENVALUES)?)
 }
 
 fn add_tools<K, const N: usize>(page: &mut Page, judged: &Judged<'_, K, N>) -> Result<(), Failure> {
-    let places = with_tools(judged)?;
-    let kind = judged.compensation.filter;
     let least = (judged.survey).worst(|place| place.margins.wrong_modes.any_phase);
+    let places = with_tools(judged, least)?;
+    let kind = judged.compensation.filter;
     page.section("Tool and cut-off");
     page.paragraph(format!(
         "Highest cut-off with a margin of {MIN_MARGIN} against any phase, in the place with the least margin, {} m: below a line the margin \
          is larger. The dot is this file.",
         at(least)
     ));
-    let contour = |margin: fn(&Margins) -> f64| -> Result<Vec<(f64, f64)>, Failure> {
-        places
-            .iter()
-            .map(|(mass_kg, place)| Ok((*mass_kg, highest_cutoff_hz(place, &kind, margin)?)))
-            .collect()
-    };
     let curves = vec![
-        Curve::line("modes as they are", contour(|m| m.exact.any_phase)?).with_dots(),
-        Curve::line("modes 20 % wrong", contour(|m| m.wrong_modes.any_phase)?).with_dots(),
+        Curve::line(
+            "modes as they are",
+            contour(&places, &kind, |m| m.exact.any_phase)?,
+        )
+        .with_dots(),
+        Curve::line(
+            "modes 20 % wrong",
+            contour(&places, &kind, |m| m.wrong_modes.any_phase)?,
+        )
+        .with_dots(),
         Curve::dots(
             "this file",
             vec![(judged.machine.masses.tool.mass_kg, kind.cutoff_hz())],
@@ -90,6 +91,18 @@ fn add_tools<K, const N: usize>(page: &mut Page, judged: &Judged<'_, K, N>) -> R
     Ok(())
 }
 
+/// Returns the highest cut-off with the required margin over the tool's mass.
+fn contour<const N: usize>(
+    places: &[(f64, Place<N>)],
+    kind: &FilterKind,
+    margin: fn(&Margins) -> f64,
+) -> Result<Vec<(f64, f64)>, Failure> {
+    places
+        .iter()
+        .map(|(mass_kg, place)| Ok((*mass_kg, highest_cutoff_hz(place, kind, margin)?)))
+        .collect()
+}
+
 fn with_cutoff(kind: &FilterKind, hz: f64) -> FilterKind {
     match *kind {
         FilterKind::FirstOrder { .. } => FilterKind::FirstOrder { cutoff_hz: hz },
@@ -110,25 +123,28 @@ fn highest_cutoff_hz<const N: usize>(
     kind: &FilterKind,
     margin: fn(&Margins) -> f64,
 ) -> Result<f64, Failure> {
-    let suffices = |hz: f64| -> Result<bool, Failure> {
-        let (_, margins) = place
-            .with_filter(&with_cutoff(kind, hz))
-            .ok_or(NO_EIGENVALUES)?;
-        Ok(margin(&margins) >= MIN_MARGIN)
-    };
     let (mut lower, mut upper) = CUTOFF_HZ;
-    if !suffices(lower)? {
+    if !suffices(place, &with_cutoff(kind, lower), margin)? {
         return Ok(f64::NAN);
     }
     for _ in 0..HALVINGS {
         let middle = (lower * upper).sqrt();
-        if suffices(middle)? {
+        if suffices(place, &with_cutoff(kind, middle), margin)? {
             lower = middle;
         } else {
             upper = middle;
         }
     }
     Ok(lower)
+}
+
+fn suffices<const N: usize>(
+    place: &Place<N>,
+    kind: &FilterKind,
+    margin: fn(&Margins) -> f64,
+) -> Result<bool, Failure> {
+    let (_, margins) = place.with_filter(kind).ok_or(NO_EIGENVALUES)?;
+    Ok(margin(&margins) >= MIN_MARGIN)
 }
 
 fn add_workpieces<K, const N: usize>(
@@ -185,19 +201,13 @@ fn add_workpieces<K, const N: usize>(
 
 fn add_travel<K, const N: usize>(page: &mut Page, judged: &Judged<'_, K, N>) {
     let survey = judged.survey;
-    let unturned = |of: fn(&Place<N>) -> f64| -> Vec<(Vector3<f64>, f64)> {
-        (survey.places.iter())
-            .filter(|place| place.pose.rotation.angle() < 1e-6)
-            .map(|place| (place.pose.translation_m, of(place)))
-            .collect()
-    };
     add_slices(
         page,
         &survey.grid,
         "Margin over the travel",
         "Against any phase, with the modes 20 % wrong. Along guideways that are all parallel nothing changes, and one place stands for all.",
         "margin",
-        &unturned(|place| place.margins.wrong_modes.any_phase),
+        &unturned(survey, |place| place.margins.wrong_modes.any_phase),
     );
     add_slices(
         page,
@@ -205,7 +215,9 @@ fn add_travel<K, const N: usize>(page: &mut Page, judged: &Judged<'_, K, N>) {
         "Lowest mode over the travel",
         "Natural frequency with the drives held.",
         "Hz",
-        &unturned(|place| place.modes_hz.first().copied().unwrap_or(f64::NAN)),
+        &unturned(survey, |place| {
+            place.modes_hz.first().copied().unwrap_or(f64::NAN)
+        }),
     );
     let mut table = Table::new(["place, m", "lowest mode, Hz", "margin", "modes 20 % wrong"]);
     for place in &survey.places {
@@ -220,4 +232,15 @@ fn add_travel<K, const N: usize>(page: &mut Page, judged: &Judged<'_, K, N>) {
         );
     }
     page.table(table);
+}
+
+/// Returns a value of every place where the platform is not turned.
+fn unturned<const N: usize>(
+    survey: &StabilitySurvey<N>,
+    of: fn(&Place<N>) -> f64,
+) -> Vec<(Vector3<f64>, f64)> {
+    (survey.places.iter())
+        .filter(|place| place.pose.rotation.angle() < 1e-6)
+        .map(|place| (place.pose.translation_m, of(place)))
+        .collect()
 }
