@@ -158,6 +158,11 @@ class Screen:
         time.sleep(REST_S)
         self.say(f"force on the tool: {force_n:.0f} N in x")
 
+    def settle(self):
+        """Waits until the filter of the client has brought the offsets back: a goodbye before that is a ramp."""
+        offsets = [f"gantry-tau.{joint}.offset" for joint in range(self.status.joints)]
+        self.run.wait("offsets of zero", lambda: not any(self.pin(name) for name in offsets))
+
     def kill(self):
         """In mid-path, once."""
         if self.client is None or self.status.motion_line < self.killed_at:
@@ -192,6 +197,7 @@ class Screen:
         self.say(f"part program {program}, again")
         count += self.run.run(program)
         self.push(0)
+        self.settle()
         self.client.send_signal(signal.SIGINT)
         said = self.client.communicate(timeout=30)[0].strip().splitlines()
         self.say(f"the client: {said[-1] if said else ''}")
