@@ -1,5 +1,9 @@
 //! Stability of a compensation over the reach of a machine.
 
+use std::num::NonZero;
+use std::panic::resume_unwind;
+use std::thread::{self, ScopedJoinHandle};
+
 use gantry_tau_core::model::kinematics::Pose as RigidPose;
 use gantry_tau_core::model::robot::ARMS;
 use nalgebra::{Rotation3, Vector3};
@@ -205,38 +209,44 @@ fn judge<const N: usize>(
 impl<const N: usize> StabilitySurvey<N> {
     /// Judges a compensation over the travel of a machine, every 0.1 m; along guideways that are
     /// all parallel nothing changes. A machine of six axes is turned at home as well. `each` is
-    /// called after each of [`candidates`](Self::candidates). `None` where home has no modes.
+    /// called after each of [`candidates`](Self::candidates), on the thread of its processor. `None`
+    /// where home has no modes.
     #[must_use]
     pub fn of<K: MachineKind<N>>(
         robot: &RobotFile<K, N>,
         machine: &MassiveMachine<N>,
         compensation: &Compensation<N>,
-        mut each: impl FnMut(),
+        each: impl Fn() + Sync,
     ) -> Option<Self> {
         let home_pose = RigidPose::at(robot.home_m());
         let home_axes = robot.model.axes_for(&home_pose).ok()?;
         let at_home = Pose::from(&home_pose);
         let home = Place::of(machine, &at_home, &home_axes, compensation)?;
         let softest = softness(machine, &at_home, &home_axes)?.map(|home| MAX_COMPLIANT * home);
-        let mut places = Vec::new();
+        let mut reached = Vec::new();
         let mut too_compliant = 0;
         for pose in poses(robot) {
-            each();
-            let Ok(axes) = robot.model.axes_for(&pose) else {
-                continue;
-            };
-            let pose = Pose::from(&pose);
-            match softness(machine, &pose, &axes) {
-                Some(soft) if soft[0] <= softest[0] && soft[1] <= softest[1] => {
-                    places.extend(Place::of(machine, &pose, &axes, compensation));
+            if let Ok(axes) = robot.model.axes_for(&pose) {
+                let pose = Pose::from(&pose);
+                match softness(machine, &pose, &axes) {
+                    Some(soft) if soft[0] <= softest[0] && soft[1] <= softest[1] => {
+                        reached.push((pose, axes));
+                        continue;
+                    }
+                    _ => too_compliant += 1,
                 }
-                _ => too_compliant += 1,
             }
+            each();
         }
+        let places = in_parallel(&reached, |(pose, axes)| {
+            let place = Place::of(machine, pose, axes, compensation);
+            each();
+            place
+        });
         Some(Self {
             grid: grid(robot),
             home,
-            places,
+            places: places.into_iter().flatten().collect(),
             too_compliant,
         })
     }
@@ -269,6 +279,28 @@ impl<const N: usize> StabilitySurvey<N> {
             })
             .collect()
     }
+}
+
+/// Returns a function's values in their order; the processors of this machine share the work.
+fn in_parallel<T: Sync, V: Send>(all: &[T], value: impl Fn(&T) -> V + Sync) -> Vec<V> {
+    let workers = thread::available_parallelism().map_or(1, NonZero::get);
+    let value = &value;
+    let mut shares: Vec<_> = thread::scope(|scope| {
+        let begun: Vec<_> = (0..workers)
+            .map(|first| {
+                let share = all.iter().skip(first).step_by(workers);
+                scope.spawn(move || share.map(value).collect::<Vec<_>>().into_iter())
+            })
+            .collect();
+        let ended = begun.into_iter().map(ScopedJoinHandle::join);
+        ended
+            .map(|share| share.unwrap_or_else(|panic| resume_unwind(panic)))
+            .collect()
+    });
+    let workers = (0..workers).cycle().take(all.len());
+    workers
+        .filter_map(|worker| shares.get_mut(worker)?.next())
+        .collect()
 }
 
 /// Places that are asked for: along guideways that are all parallel there is one.
