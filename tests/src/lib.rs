@@ -6,6 +6,7 @@
 //! | [`fake_plant`] | a machine that records every reference it is written |
 //! | [`server_fixture`] | the server's cycle around it, with the bounds of `docs/design.md` 6 asserted in every tick |
 //! | [`client`] | a client that speaks frames, and anything else |
+//! | [`client_session`] | the real client and a real server in lock-step |
 //! | [`client_cases`] | what a client makes of the frames that answer its Hello, for both clients |
 //! | [`session_fixture`] | both together: one session, tick by tick |
 //! | [`short_demo`] | the demo with two force steps, on any machine |
@@ -25,6 +26,7 @@
 
 pub mod client;
 pub mod client_cases;
+pub mod client_session;
 pub mod fake_plant;
 pub mod fuzzed;
 pub mod labcomm;

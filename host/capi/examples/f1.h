@@ -108,15 +108,15 @@ static const gt_sensor_config f1_sensor = {
     .lever_m = {0.0, 0.0, -0.08},
     .tool_weight_n = {0.0, 0.0, -18.0},
     .tool_centre_m = {0.01, 0.0, -0.12},
-    .cutoff_hz = 6.0,
+    .cutoff_hz = 8.0,
     .cycle_s = 0.001,
     .tare_samples = 1000,
     .order = 2,
 };
 
 /* Frequencies of the notches of the force sensor's filter with the tool at home, Hz, for gt_sensor_set_notches; 0: no notch. */
-static const double f1_notches_hz[3] = {6.82358172944745, 7.830587516126713, 0.0};
+static const double f1_notches_hz[3] = {6.82358172944745, 7.830587516126713, 9.981311834827395};
 /* Their Q. */
-#define F1_NOTCH_Q 0.7
+#define F1_NOTCH_Q 0.8
 
 #endif

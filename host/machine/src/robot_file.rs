@@ -284,6 +284,41 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         self.model.checksum(&self.metres_per_q)
     }
 
+    /// Checksum of springs and masses, by which two files are told apart that have the same
+    /// kinematics; nothing compares it. A file without either has that of no numbers, 0.
+    #[must_use]
+    pub fn springs_checksum(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        let mut add = |numbers: &[f64]| {
+            for number in numbers {
+                // -0.0 + 0.0 is +0.0.
+                hasher.update(&(number + 0.0).to_bits().to_le_bytes());
+            }
+        };
+        if let Some(compliances) = &self.compliances {
+            add(compliances.link_m_per_n());
+            add(compliances.cart_m_per_n());
+        }
+        for joint in &self.wrist {
+            add(&joint.axis);
+            add(&joint.point_m);
+            add(&[joint.c_rad_per_nm]);
+        }
+        if let Some(masses) = &self.masses {
+            for body in [&masses.platform, &masses.tool] {
+                add(&[body.mass_kg]);
+                add(body.centre_m.as_slice());
+                add(body.inertia_kgm2.as_slice());
+            }
+            add(&masses.links_kg);
+            add(&masses.carts_kg);
+            add(&masses.plates_kgm2);
+            add(&masses.motors_kg);
+            add(&[masses.damping_ratio, f64::from(masses.has_weight)]);
+        }
+        hasher.finalize()
+    }
+
     /// A machine of this kind, as of [`AnyRobotFile::named`].
     ///
     /// # Errors

@@ -146,6 +146,12 @@ impl LoadGenerator {
 }
 
 impl AppliedLoad {
+    /// True of a load that changes in a cycle.
+    #[must_use]
+    pub const fn changes_in_a_cycle(&self) -> bool {
+        matches!(self.last.pattern, Some(LoadPattern::Milling(_)))
+    }
+
     /// Returns the load of the next cycle, of one that changes its mean; while a load is being set,
     /// the load before. It never waits.
     pub fn load(&mut self) -> Load {

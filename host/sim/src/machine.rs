@@ -219,6 +219,12 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         Ok(self)
     }
 
+    /// Returns the pose of the platform, if the machine moves by masses.
+    #[must_use]
+    pub fn moving_pose(&self) -> Option<Pose> {
+        self.moving.as_ref().map(|_| self.loaded.pose)
+    }
+
     /// Puts a workpiece below the tool, in addition to the load.
     #[must_use]
     pub fn above(self, workpiece: Workpiece) -> Self {
@@ -250,6 +256,18 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     #[must_use]
     pub fn positions_m(&self) -> [f64; N] {
         std::array::from_fn(|axis| drive::mean(self.drives_of(axis).map(Drive::position_m)))
+    }
+
+    /// Returns the true positions of the axes behind their springs, m; without masses those on the
+    /// side of the motors.
+    #[must_use]
+    pub fn carts_m(&self) -> [f64; N] {
+        match &self.moving {
+            Some(moving) => {
+                std::array::from_fn(|axis| moving.axes()[axis] * self.metres_per_q[axis])
+            }
+            None => self.positions_m(),
+        }
     }
 
     /// Returns the load of the machine on each motor of an axis, N along the guideway.
@@ -340,6 +358,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             .begin_cycle(self.springs.machine())
             .ok_or("the machine has no natural frequencies here")?;
         self.drives.iter_mut().for_each(Drive::begin);
+        let mut found = Vector6::zeros();
         for substep in 0..SUBSTEPS {
             let motors = self.motor_motion();
             let held = moving.drive_loads(&motors);
@@ -349,6 +368,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             force_n += self.tool.beyond_mean_n(substep);
             moving.step(&motors, &load, self.workpiece.as_ref());
             self.step_drives(substep, &axis_loads_n);
+            found += moving.sensor_load() / f64::from(SUBSTEPS);
         }
         self.drives.iter_mut().for_each(Drive::end);
         self.stop_partners();
@@ -363,13 +383,15 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let beyond_n = self.tool.beyond_mean_n(SUBSTEPS - 1);
         let on_tool = moving.load().fixed_rows::<3>(0) - beyond_n;
         self.load.force_n = on_tool.into();
-        let mut found = Wrench::from_array((*moving.sensor_load()).into());
-        if !self.samples_points {
-            found.force_n -= beyond_n;
+        // What a cutter makes of the tool's inertia, too, is not what it is at one point of time.
+        if self.samples_points || !self.tool.changes_in_a_cycle() {
+            found = *moving.sensor_load();
         }
+        let found = Wrench::from_array(found.into());
         self.sample = self.sensor.sample(&found, &self.loaded.pose.rotation);
         Ok(())
     }
+
     fn actual(&self) -> Result<[Actual; N], &'static str> {
         let mut actual = [Actual::default(); N];
         for (axis, report) in actual.iter_mut().enumerate() {

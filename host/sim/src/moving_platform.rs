@@ -139,6 +139,12 @@ impl<const N: usize> MovingPlatform<N> {
         }
     }
 
+    /// Returns the axes behind their springs, q-units.
+    #[must_use]
+    pub const fn axes(&self) -> &[f64; N] {
+        &self.state.axes
+    }
+
     /// Returns the load on the tool, that of a workpiece included, about the tool centre point, world
     /// axes.
     #[must_use]

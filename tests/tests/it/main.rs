@@ -34,6 +34,7 @@ mod oscillation;
 mod panic_free;
 mod places;
 mod quit;
+mod settling;
 mod six_axes;
 mod soak;
 mod solve_vectors;

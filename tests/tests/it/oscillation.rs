@@ -3,25 +3,20 @@
 //! is asked to.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use gantry_tau_client::{ClientControls, ClientOptions, ClientReport, run};
-use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{Capabilities, Phase};
+use gantry_tau_client::ClientReport;
+use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
-use gantry_tau_core::units::EpochRange;
 use gantry_tau_machine::model::L2_MOTORS;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::TickRecord;
-use gantry_tau_server::server::Server;
-use gantry_tau_server::server::cycle::Cycle;
-use gantry_tau_server::server::tick_source::TickSource;
-use gantry_tau_server::state::StopLatch;
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::machine::SimulatedMachine;
+use gantry_tau_tests::client_session;
+use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::bad_sensor::{Liar, Lie};
 
@@ -59,7 +54,6 @@ fn steps(tick: u64) -> Option<Sample> {
 /// Runs a client until the tick [`QUITS`], and asks for Obtain at [`ASKED`]. Returns its report and
 /// the rows of the server.
 fn session(lie: Lie, leave_on_oscillation: bool) -> (ClientReport, Vec<TickRecord<ARMS>>) {
-    let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = 50;
     robot.client.leave_on_oscillation = leave_on_oscillation;
@@ -70,49 +64,20 @@ fn session(lie: Lie, leave_on_oscillation: bool) -> (ClientReport, Vec<TickRecor
     let (_hand, tool) = load_generator();
     let liar = Liar {
         machine: SimulatedMachine::from_robot(&robot, tool, Motion::Hold).unwrap(),
-        sensor: SensorPublisher::bind(loopback).unwrap(),
+        sensor: SensorPublisher::bind(LOOPBACK).unwrap(),
         lie,
         reads: 0,
     };
     let sensor = liar.sensor.address().unwrap();
-    let cycle: Cycle<ARMS, L2_MOTORS, _> = Cycle::new(
-        robot.session_config(Capabilities::LOCKSTEP).unwrap(),
-        robot.motor_map().unwrap(),
-        liar,
-        EpochRange::VOLATILE,
-        StopLatch::volatile(),
-        loopback,
-    )
-    .unwrap();
-    let (server, mut queue) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
-    let options = ClientOptions {
-        server: server.address.into(),
-        transport: Transport::Stream,
-        sensor: sensor.into(),
-        robot,
-        record: None,
-        obtain: true,
-        accept_unstable: false,
-    };
-    let controls = Arc::new(ClientControls::default());
-    let told = Arc::clone(&controls);
-    let client = std::thread::spawn(move || run(&options, &told));
-    let mut rows: Vec<TickRecord<ARMS>> = Vec::new();
-    while rows.last().is_none_or(|row| row.ended.is_none()) {
-        let Ok(row) = queue.pop() else {
-            continue;
-        };
+    let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
+    client_session::play(robot, cycle, sensor, |row, controls| {
         if row.state.tick.0 == ASKED {
             controls.obtain.store(true, Ordering::Relaxed);
         }
         if row.state.tick.0 >= QUITS {
             controls.quit.store(true, Ordering::Relaxed);
         }
-        rows.push(row);
-    }
-    let report = client.join().unwrap().unwrap();
-    server.quit().unwrap();
-    (report, rows)
+    })
 }
 
 /// Phases in their order, each with the tick that it begins in.

@@ -1,10 +1,12 @@
-//! Tests that need compilers for C, Valgrind, an emulator, Python, Wine, LinuxCNC, a browser, the
-//! reader of MCAP, another MainDevice of EtherCAT, systemd or Debian's tools: the C interface, the
-//! firmware, the client in Python and on Windows, the modules for LinuxCNC, the page of the monitor,
-//! recordings, the EtherCAT bus, the service, the package. A test whose tool is missing is reported
-//! as ignored, with the name of the tool.
+//! Tests that need compilers for C, Valgrind, an emulator, Python, engines of rigid bodies, Wine,
+//! LinuxCNC, a browser, the reader of MCAP, another MainDevice of EtherCAT, systemd or Debian's
+//! tools: the C interface, the firmware, the client in Python and on Windows, what `solve` says of
+//! machines with masses, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT
+//! bus, the service, the package. A test whose tool is missing is reported as ignored, with the name
+//! of the tool.
 
 mod capi;
+mod engines;
 #[cfg(target_os = "linux")]
 mod ethercat;
 mod firmware;
@@ -15,6 +17,7 @@ mod monitor;
 #[cfg(target_os = "linux")]
 mod package;
 mod python;
+mod python_packages;
 #[cfg(target_os = "linux")]
 mod service;
 mod session;
@@ -31,6 +34,7 @@ fn main() {
         .or(threads.and_then(|threads| threads.parse().ok()));
     let mut trials = firmware::trials();
     trials.extend(capi::trials());
+    trials.extend(engines::trials());
     trials.extend(mcap::trials());
     trials.extend(monitor::trials());
     trials.extend(python::trials());

@@ -246,29 +246,29 @@ impl MachineCommand for Serve {
         if self.plant != PlantChoice::Simulated {
             return self.serve_bus::<K, N, M>(&robot, &allowed);
         }
+        if robot.masses.is_none() {
+            say(NO_MASSES);
+        }
+        let simulated = RobotFile {
+            masses: robot.masses.filter(|_| !self.quasi_static),
+            ..robot.clone()
+        };
         let Some(path) = &self.plan else {
             let owned = self.own(&robot, &allowed)?;
             let (hand, tool) = load_generator();
             let motion = self.motion(&robot)?;
-            if robot.masses.is_none() {
-                say(NO_MASSES);
-            }
-            let has_masses = robot.masses.is_some() && !self.quasi_static;
-            let mut machine = if has_masses {
-                SimulatedMachine::<N, M>::moving_from_robot(&robot, tool, motion)?
-            } else {
-                SimulatedMachine::<N, M>::from_robot(&robot, tool, motion)?
-            };
+            let mut machine =
+                SimulatedMachine::<N, M>::moving_from_robot(&simulated, tool, motion)?;
             if self.point_samples {
                 machine = machine.sampling_points();
             }
             if let Some(n_per_m) = self.workpiece {
                 let gap_m = self.workpiece_gap * 1e-6;
                 let home_m = &robot.simulation.home_m;
+                let has_masses = simulated.masses.is_some();
                 machine = machine.above(Workpiece::below(home_m, n_per_m, gap_m, has_masses)?);
             }
-            let glide_cycles = if has_masses { glide_cycles(&robot) } else { 0 };
-            let mut load = self.load(hand, glide_cycles);
+            let mut load = self.load(hand, glide_cycles(&simulated));
             let loops = Cycle::with_position_loops;
             return self.serve(&robot, owned, loops, || {
                 Ok((machine, move |row: &TickRecord<N>| {
@@ -287,7 +287,7 @@ impl MachineCommand for Serve {
             path.display(),
             link.address()?
         ));
-        let machine = CampaignMachine::<N, M>::from_robot(&robot, plan, link)?;
+        let machine = CampaignMachine::<N, M>::from_robot(&simulated, plan, link)?;
         let switch = machine.switch();
         self.serve(&robot, owned, positions_only, || {
             Ok((machine, |row: &TickRecord<N>| switch.see(row)))

@@ -82,7 +82,7 @@ impl InMotion {
         MotionNumbers {
             settles_s: self.settles_s,
             margin_any_phase: self.margin_any_phase,
-            tap_left_um: tap.map(|track| largest(&track[SECOND..])),
+            tap_left_um: tap.map(|track| largest(track.get(SECOND..).unwrap_or_default())),
             path_largest_um: path.map(|path| path.each_ref().map(|track| largest(track))),
         }
     }

@@ -115,13 +115,18 @@ fn a_client_that_shakes_the_machine_is_ended_by_the_server() {
     assert_no_jump(&rows(&folder));
 }
 
+/// Text of a built-in file without its masses.
+pub(crate) fn massless(robot: &str) -> String {
+    let text = text_of(robot).unwrap();
+    let (before, rest) = text.split_once("[masses]").unwrap();
+    let (_, after) = rest.split_once("\n[simulation]").unwrap();
+    format!("{before}\n[simulation]{after}")
+}
+
 #[test]
 fn a_file_without_masses_is_in_equilibrium_and_says_so() {
     let folder = Folder::new("masses-none");
-    let text = text_of("l2").unwrap();
-    let (before, rest) = text.split_once("[masses]").unwrap();
-    let (_, after) = rest.split_once("\n[simulation]").unwrap();
-    folder.write("massless.toml", &format!("{before}\n[simulation]{after}"));
+    folder.write("massless.toml", &massless("l2"));
     let [mut server, mut client] = start(&folder, "massless.toml", &[], &[]);
     server.await_words("no masses: the platform is in equilibrium in every cycle");
     client.await_words("tared; obtaining");

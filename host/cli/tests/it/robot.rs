@@ -17,6 +17,7 @@ fn a_good_file_is_summed_up_with_its_units() {
                 "carts, um/N           0.0406, 0.0509, 0.0600",
                 "agitation, um/s",
                 "18.00 N (0.00, 0.00, -18.00)",
+                "low-pass 6 Hz of second order, 2 notches (Q 0.7)",
             ],
         ),
         (
@@ -26,6 +27,7 @@ fn a_good_file_is_summed_up_with_its_units() {
                 "plates, urad/(N m)    2.0000, 2.0000, 2.0000",
                 "tool",
                 "ramp per ms",
+                "low-pass 8 Hz of second order, 3 notches (Q 0.8)",
             ],
         ),
     ] {
@@ -36,7 +38,7 @@ fn a_good_file_is_summed_up_with_its_units() {
             "nominal travel, m",
             "offset, um",
             "links, um/N           0.500, 0.600, 0.550, 0.700, 0.650, 0.600",
-            "low-pass 6 Hz of second order, 2 notches (Q 0.7)",
+            "springs and masses ",
             "corrections to first order",
             "reach in x, m",
             "condition number",

@@ -117,7 +117,7 @@ impl<const N: usize, const M: usize> CampaignMachine<N, M> {
         link: GaugePublisher,
     ) -> Result<Self, RobotFileError> {
         let (hand, tool) = load_generator();
-        let machine = SimulatedMachine::from_robot(robot, tool, Motion::Hold)?;
+        let machine = SimulatedMachine::moving_from_robot(robot, tool, Motion::Hold)?;
         let places = plan.poses.iter().map(|(name, pose)| {
             robot
                 .model
@@ -294,12 +294,12 @@ impl<const N: usize, const M: usize> CampaignMachine<N, M> {
         let series = &self.plan.series[self.series];
         let (_, seed) = &self.plan.poses[series.pose];
         let place = &self.places[series.pose];
-        let began = self.began.or_else(|| {
-            Some((
-                unloaded(self.machine.springs(), place, seed).ok()?.pose,
-                self.cycle,
-            ))
-        });
+        // With masses the gauges are zeroed where the platform has sagged to.
+        let stands = || match self.machine.moving_pose() {
+            Some(pose) => Some(pose),
+            None => Some(unloaded(self.machine.springs(), place, seed).ok()?.pose),
+        };
+        let began = self.began.or_else(|| Some((stands()?, self.cycle)));
         self.began = began;
         let Some((began, since)) = began else {
             return Lengths::new(self.cycle, (0..count).map(|_| f64::NAN));

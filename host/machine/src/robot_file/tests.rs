@@ -111,6 +111,32 @@ fn the_checksum_sees_the_kinematics_and_nothing_else() {
 }
 
 #[test]
+fn a_second_checksum_sees_springs_and_masses() {
+    let of = |from: &str, to: &str| {
+        assert!(from.is_empty() || L2_TEXT.contains(from), "{from}");
+        let text = L2_TEXT.replace(from, to);
+        let file = RobotFile::read::<L2Keys>("x", &text).unwrap();
+        (file.checksum(), file.springs_checksum())
+    };
+    let (kinematics, ours) = of("", "");
+    assert_eq!(of("gain = 1.0", "gain = 0.5").1, ours);
+    for (from, to) in [
+        ("c_link = [5.0e-7", "c_link = [5.1e-7"),
+        ("platform_kg = 12.0", "platform_kg = 12.5"),
+        (
+            "weight_n = [0.0, 0.0, -18.0]",
+            "weight_n = [0.0, 0.0, -18.1]",
+        ),
+    ] {
+        let (same, other) = of(from, to);
+        assert_eq!(same, kinematics, "{from}");
+        assert_ne!(other, ours, "{from}");
+    }
+    let longer = of("L = [1.0, 1.1", "L = [1.0, 1.2");
+    assert!(longer.0 != kinematics && longer.1 == ours);
+}
+
+#[test]
 fn every_error_names_its_key() {
     let l2 = [
         ("model = \"l2\"", "model = \"l3\"", "model"),

@@ -16,7 +16,7 @@
 
 mod ownership;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,6 +36,8 @@ use gantry_tau_tests::short_demo;
 use libtest_mimic::{Failed, Trial};
 use serde_json::{Value, json};
 
+use crate::python_packages::python_with;
+
 /// The process has a namespace of its own.
 const IN_NAMESPACE: &str = "GANTRY_TAU_TEST_NAMESPACE";
 /// Ends of the cable.
@@ -50,7 +52,7 @@ pub(crate) fn trials() -> Vec<Trial> {
             (!succeeds(Command::new("unshare").args(["-n", "true"])))
                 .then_some("network namespaces not permitted")
         });
-    let python = python();
+    let python = python_with("pysoem", "pysoem");
     let soem = network.or_else(|| python.is_none().then_some("pysoem of PyPI missing"));
     vec![
         trial(
@@ -117,14 +119,6 @@ fn succeeds(command: &mut Command) -> bool {
         .stderr(Stdio::null())
         .status()
         .is_ok_and(|status| status.success())
-}
-
-/// A Python that has SOEM.
-fn python() -> Option<PathBuf> {
-    let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/pysoem/bin/python3");
-    [installed, PathBuf::from("python3")]
-        .into_iter()
-        .find(|python| succeeds(Command::new(python).args(["-c", "import pysoem"])))
 }
 
 fn ip(arguments: &[&str]) {

@@ -13,8 +13,8 @@
     reason = "tests fail by panicking"
 )]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::Command;
 
 use gantry_tau_machine::model::L2_MOTORS;
 use gantry_tau_machine::robot_file::RobotFile;
@@ -24,11 +24,13 @@ use gantry_tau_test_support::sessions;
 use libtest_mimic::Trial;
 use serde_json::Value;
 
+use crate::python_packages::python_with;
+
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let name = "mcap::the_official_reader_reads_what_the_table_has";
     let kind = "mcap or jsonschema of PyPI missing";
-    let Some(python) = python() else {
+    let Some(python) = python_with("mcap-reader", "mcap.reader, jsonschema") else {
         if std::env::var_os("GANTRY_TAU_REQUIRE_MCAP").is_some_and(|value| value == "1") {
             return vec![Trial::test(name, move || Err(kind.into())).with_kind(kind)];
         }
@@ -42,21 +44,6 @@ pub(crate) fn trials() -> Vec<Trial> {
         check(&python);
         Ok(())
     })]
-}
-
-/// A Python that has the packages.
-fn python() -> Option<PathBuf> {
-    let installed = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/mcap-reader/bin/python3");
-    [installed, PathBuf::from("python3")]
-        .into_iter()
-        .find(|python| {
-            let mut import = Command::new(python);
-            import
-                .args(["-c", "import mcap.reader, jsonschema"])
-                .stdout(Stdio::null())
-                .stderr(Stdio::null());
-            import.status().is_ok_and(|status| status.success())
-        })
 }
 
 fn record_to(path: &Path) -> RecordTo {

@@ -135,6 +135,8 @@ pub(super) struct LoopNumbers {
     pub torque_um: Option<f64>,
     /// The same with a mass that is wrong by [`MASS_ERROR`].
     pub wrong_mass_um: Option<f64>,
+    /// Largest lag of the tool centre point with velocity feed-forward. `None` without masses.
+    pub tool_um: Option<f64>,
     /// Largest displacement of the cart by the force step.
     pub pushed_um: f64,
     /// Time after which it stays below 1 µm, ms.

@@ -26,10 +26,11 @@ pub(super) fn summary<K: MachineKind<N>, const N: usize>(
     lines.push(line(
         "model",
         &format!(
-            "{}, {N} axes, {} motors; kinematics {:08x}",
+            "{}, {N} axes, {} motors; kinematics {:08x}, springs and masses {:08x}",
             K::MODEL,
             robot.motors.axis_of_motor.len(),
-            robot.checksum()
+            robot.checksum(),
+            robot.springs_checksum()
         ),
     ));
     lines.extend(origin(robot));

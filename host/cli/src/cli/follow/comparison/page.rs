@@ -6,8 +6,9 @@ use gantry_tau_report::plots::{Curve, Plot};
 use super::run::{Measured, Run};
 use super::{FORCE_STEP_N, FollowResults, SPEED_M_PER_S};
 
-/// Milliseconds of the force step that are drawn.
+/// Milliseconds of the force step that are drawn, and those of a machine with masses, which rings.
 const PUSH_MS: usize = 80;
+const RING_MS: usize = 500;
 
 /// Returns the page as HTML, of the loops in the drive and outside.
 pub(super) fn render(
@@ -17,6 +18,8 @@ pub(super) fn render(
     [inside, outside]: [&Measured; 2],
 ) -> String {
     let shown = results.shown;
+    let has_masses = !inside.velocity.tool_um.is_empty();
+    let push_ms = if has_masses { RING_MS } else { PUSH_MS };
     let with_torque = outside.torque.as_ref().unwrap_or(&outside.velocity);
     let mut page = Page::new(
         "gantry-tau follow",
@@ -51,6 +54,18 @@ pub(super) fn render(
             lag("outside: velocity and torque", with_torque),
         ],
     );
+    if has_masses {
+        add(
+            &mut page,
+            "Lag of the tool",
+            "Distance from its place on the rigid machine, with velocity feed-forward: what accelerates behind the springs bends them.",
+            "distance, µm",
+            vec![
+                line("in the drive", &inside.velocity.tool_um),
+                line(&format!("outside, {shown}"), &outside.velocity.tool_um),
+            ],
+        );
+    }
     add(
         &mut page,
         "Torque",
@@ -69,8 +84,8 @@ pub(super) fn render(
         ),
         "displacement of the cart, µm",
         vec![
-            line("in the drive", first(&inside.pushed_um)),
-            line("outside", first(&outside.pushed_um)),
+            line("in the drive", first(&inside.pushed_um, push_ms)),
+            line("outside", first(&outside.pushed_um, push_ms)),
         ],
     );
     page.html()
@@ -83,8 +98,8 @@ fn add(page: &mut Page, title: &str, text: &str, y_axis: &str, curves: Vec<Curve
     page.picture(&Plot::new(title, "time, ms", y_axis, curves).svg());
 }
 
-fn first(values: &[f64]) -> &[f64] {
-    values.get(..PUSH_MS).unwrap_or(values)
+fn first(values: &[f64], count: usize) -> &[f64] {
+    values.get(..count).unwrap_or(values)
 }
 
 /// One point per cycle of 1 ms.

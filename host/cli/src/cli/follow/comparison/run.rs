@@ -5,6 +5,7 @@ use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
 use gantry_tau_core::control::position_loop::{Enable, LoopInput, PositionLoops};
 use gantry_tau_core::units::PositionNm;
+use gantry_tau_machine::elastic::{ElasticMachine, Equilibrium};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::Interface;
 use gantry_tau_machine::robot_file::position_loop::gain_per_s;
@@ -14,6 +15,7 @@ use gantry_tau_server::plant::{Plant, VelocityPlant};
 use gantry_tau_server::server::velocity_interface::spread;
 use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau_sim::machine::SimulatedMachine;
+use nalgebra::Vector6;
 
 use super::{FORCE_STEP_N, FollowError, Latency, LoopNumbers, MASS_ERROR, SPEED_M_PER_S};
 
@@ -25,9 +27,10 @@ const CRUISE: i64 = 250;
 const REST: i64 = 150;
 /// Length of the path, nm.
 const WAY_NM: i64 = way_nm(i64::MAX);
-/// Cycles before the force step, and after it.
+/// Cycles before the force step, and after it; a machine with masses rings.
 const SETTLED: u32 = 300;
 const PUSHED: u32 = 200;
+const RUNG: u32 = 3_000;
 /// Force that shows what loads the axes, N.
 const PROBE_N: f64 = 100.0;
 /// Displacement at which a cart counts as settled, µm.
@@ -63,6 +66,7 @@ impl Measured {
             velocity_um: self.velocity.worst_um,
             torque_um: self.torque.as_ref().map(|run| run.worst_um),
             wrong_mass_um: self.wrong_mass.as_ref().map(|run| run.worst_um),
+            tool_um: self.velocity.tool_um.iter().copied().reduce(f64::max),
             pushed_um: self
                 .pushed_um
                 .iter()
@@ -79,6 +83,8 @@ impl Measured {
 /// One run along the path. Curves have one sample per cycle, of the first cart.
 pub(super) struct Run {
     pub(super) lag_um: Vec<f64>,
+    /// Distance of the tool from its place on the rigid machine, µm; empty without masses.
+    pub(super) tool_um: Vec<f64>,
     /// Torque of a motor, per mille.
     pub(super) permille: Vec<f64>,
     /// Largest lag of all carts.
@@ -161,7 +167,7 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> FollowBench<K, N, M> {
         };
         Ok(Measured {
             latency: None,
-            gain_per_s: gantry_tau_sim::drive::profile::POSITION_GAIN,
+            gain_per_s: self.robot.position_gain_per_s(),
             plain: self.path(&plain)?,
             misaligned: None,
             velocity: self.path(&with_feed_forward)?,
@@ -247,15 +253,17 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> FollowBench<K, N, M> {
         let mut follower = CycleFollower::new(self, of);
         let mut run = Run {
             lag_um: Vec::new(),
+            tool_um: Vec::new(),
             permille: Vec::new(),
             worst_um: 0.0,
         };
+        let mut rigid = Equilibrium::at_home(self.robot.simulation.home_m);
         let command_cycles = i64::from(of.latency().command_cycles);
         for cycle in 1..=cycles() {
             let actual = follower.cycle(&mut machine, &self.references(cycle))?;
             // The reference that could have acted by now.
             let acted = self.references(cycle - command_cycles);
-            let lags = acted.iter().zip(machine.positions_m()).take(CARTS);
+            let lags = acted.iter().zip(machine.carts_m()).take(CARTS);
             let lags: Vec<f64> = lags
                 .map(|(reference, metres)| reference.0 as f64 * 1e-3 - metres * 1e6)
                 .collect();
@@ -266,8 +274,29 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> FollowBench<K, N, M> {
                 .push(lags.first().map_or(0.0, |lag| lag * self.direction as f64));
             run.permille
                 .push(actual.first().map_or(0.0, |axis| f64::from(axis.torque.0)));
+            if self.robot.masses.is_some() {
+                rigid = self.rigid(machine.springs(), &acted, &rigid)?;
+                let off_m = machine.seen_from(rigid.pose, &[]).displacement();
+                run.tool_um.push(off_m.translation_m.norm() * 1e6);
+            }
         }
         Ok(run)
+    }
+
+    /// Returns the rigid machine at these references.
+    fn rigid(
+        &self,
+        machine: &ElasticMachine<N>,
+        references: &[PositionNm; N],
+        start: &Equilibrium<N>,
+    ) -> Result<Equilibrium<N>, FollowError> {
+        let mut axes = self.robot.metres_per_q;
+        for (axis, reference) in axes.iter_mut().zip(references) {
+            *axis = reference.to_metres().0 / *axis;
+        }
+        machine
+            .equilibrium(&axes, &Vector6::zeros(), start)
+            .map_err(|error| FollowError::Machine(error.to_string()))
     }
 
     /// Stands at home, and takes the force step. Returns the displacements of the cart that takes
@@ -277,7 +306,11 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> FollowBench<K, N, M> {
         let mut machine = of.machine(self, tool)?;
         let mut follower = CycleFollower::new(self, of);
         pull(&mut hand, PROBE_N)?;
-        follower.rest(&mut machine, &self.home)?;
+        let (settled, pushed) = match self.robot.masses {
+            Some(_) => (RUNG, RUNG),
+            None => (SETTLED, PUSHED),
+        };
+        follower.rest(&mut machine, &self.home, settled)?;
         let loads_n = machine.motor_loads_n();
         let carts = loads_n
             .iter()
@@ -288,11 +321,11 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> FollowBench<K, N, M> {
             .max_by(|one, other| one.1.total_cmp(&other.1))
             .unwrap_or((0, PROBE_N));
         pull(&mut hand, 0.0)?;
-        follower.rest(&mut machine, &self.home)?;
+        follower.rest(&mut machine, &self.home, settled)?;
         let before_m = machine.positions_m();
         pull(&mut hand, PROBE_N * FORCE_STEP_N / most_n)?;
         let mut pushed_um = Vec::new();
-        for _ in 0..PUSHED {
+        for _ in 0..pushed {
             follower.cycle(&mut machine, &self.home)?;
             let now_m = machine.positions_m();
             let off_m = now_m.get(cart).unwrap_or(&0.0) - before_m.get(cart).unwrap_or(&0.0);
@@ -354,7 +387,11 @@ impl Loop {
             drives,
             ..bench.robot.clone()
         };
-        Ok(SimulatedMachine::from_robot(&robot, tool, Motion::Hold)?)
+        Ok(SimulatedMachine::moving_from_robot(
+            &robot,
+            tool,
+            Motion::Hold,
+        )?)
     }
 }
 
@@ -389,8 +426,9 @@ impl<const N: usize, const M: usize> CycleFollower<N, M> {
         &mut self,
         machine: &mut SimulatedMachine<N, M>,
         positions: &[PositionNm; N],
+        cycles: u32,
     ) -> Result<(), FollowError> {
-        (0..SETTLED).try_for_each(|_| self.cycle(machine, positions).map(|_| ()))
+        (0..cycles).try_for_each(|_| self.cycle(machine, positions).map(|_| ()))
     }
 
     /// Writes the references of a cycle, and runs it. Returns what was measured at its end.

@@ -4,10 +4,14 @@ use super::{ACCELERATION_M_PER_S2, FORCE_STEP_N, FollowResults, LoopNumbers, SPE
 
 /// Returns the table, and what it says.
 pub(super) fn render(results: &FollowResults) -> String {
+    let [tool, of_velocity] = match results.inside().and_then(|row| row.tool_um) {
+        Some(_) => ["       tool,", " velocity ff"],
+        None => [""; 2],
+    };
     let mut text = format!(
         "{}: largest lag of a cart on the way to {SPEED_M_PER_S} m/s at {ACCELERATION_M_PER_S2} m/s^2, um, and {FORCE_STEP_N} N on a motor\n\n\
-         {:<15} {:>7} {:>9} {:>12} {:>12} {:>9} {:>12} {:>10} {:>8}\n\
-         {:<15} {:>7} {:>9} {:>12} {:>12} {:>9} {:>12} {:>10} {:>8}\n",
+         {:<15} {:>7} {:>9} {:>12} {:>12} {:>9} {:>12} {:>10} {:>8}{tool}\n\
+         {:<15} {:>7} {:>9} {:>12} {:>12} {:>9} {:>12} {:>10} {:>8}{of_velocity}\n",
         results.machine,
         "position loop",
         "gain",
@@ -40,8 +44,10 @@ fn line(row: &LoopNumbers) -> String {
         || "in the drive".to_owned(),
         |latency| format!("outside, {latency}"),
     );
+    let tool = row.tool_um.map(|tool_um| format!(" {:>11}", um(tool_um)));
+    let tool = tool.unwrap_or_default();
     format!(
-        "{name:<15} {:>7.1} {:>9} {:>12} {:>12} {:>9} {:>12} {:>10} {:>8}\n",
+        "{name:<15} {:>7.1} {:>9} {:>12} {:>12} {:>9} {:>12} {:>10} {:>8}{tool}\n",
         row.gain_per_s,
         um(row.plain_um),
         um_or_dash(row.misaligned_um),
