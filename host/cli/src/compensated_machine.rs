@@ -24,8 +24,10 @@ pub struct CompensatedMachine<const N: usize, const M: usize> {
     welcome: Welcome<N>,
     /// Offsets of [`cycle`](Self::cycle).
     channels: [Channel<OffsetNm>; N],
+    torques: [Channel<TorquePermille>; N],
     /// Answer of the last cycle, which acts in the next.
     answer: [OffsetNm; N],
+    torque_answer: [TorquePermille; N],
 }
 
 impl<const N: usize, const M: usize> CompensatedMachine<N, M> {
@@ -54,7 +56,9 @@ impl<const N: usize, const M: usize> CompensatedMachine<N, M> {
             tick: Tick(0),
             welcome,
             channels: [Channel::ZERO; N],
+            torques: [Channel::ZERO; N],
             answer: [OffsetNm(0); N],
+            torque_answer: [TorquePermille(0); N],
         })
     }
 
@@ -76,6 +80,12 @@ impl<const N: usize, const M: usize> CompensatedMachine<N, M> {
         &self.channels
     }
 
+    /// Returns the torque offsets of [`cycle`](Self::cycle).
+    #[must_use]
+    pub fn torques(&self) -> [TorquePermille; N] {
+        self.torques.map(|channel| channel.value())
+    }
+
     /// Runs a cycle as with a server: an answer acts in the next one, within the limits of the file.
     ///
     /// # Errors
@@ -83,10 +93,13 @@ impl<const N: usize, const M: usize> CompensatedMachine<N, M> {
     pub fn cycle(&mut self) -> Result<ToolReading, Box<dyn Error>> {
         let (shown, answer) = self.read()?;
         let targets = std::mem::replace(&mut self.answer, answer);
-        let limits = self.welcome.limits.map(|axis| axis.position);
-        let channels = self.channels.iter_mut().zip(targets).zip(&limits);
-        for ((channel, target), limits) in channels {
-            *channel = channel.follow(target, limits);
+        let torques = std::mem::replace(&mut self.torque_answer, self.compensation.torques());
+        let limits = &self.welcome.limits;
+        for ((channel, target), limits) in self.channels.iter_mut().zip(targets).zip(limits) {
+            *channel = channel.follow(target, &limits.position);
+        }
+        for ((channel, target), limits) in self.torques.iter_mut().zip(torques).zip(limits) {
+            *channel = channel.follow(target, &limits.torque);
         }
         self.write(&self.channels.map(|channel| channel.value()))?;
         Ok(shown)
@@ -117,8 +130,13 @@ impl<const N: usize, const M: usize> CompensatedMachine<N, M> {
             velocity_offset: VelocityUmS(0),
             torque_offset: TorquePermille(0),
         }; N];
-        for ((part, of_axis), offset) in parts.iter_mut().zip(&mut of_axes).zip(offsets) {
-            part.offsets = Offsets::position(*offset);
+        let axes = parts.iter_mut().zip(&mut of_axes).zip(offsets);
+        for (((part, of_axis), offset), torque) in axes.zip(&self.torques) {
+            part.offsets = Offsets {
+                torque: torque.value(),
+                ..Offsets::position(*offset)
+            };
+            of_axis.torque_offset = torque.value();
             of_axis.position = PositionNm(part.nominal.0 + i64::from(offset.0));
         }
         let references = (self.motors.spread(&of_axes)).ok_or("a motor has no axis")?;

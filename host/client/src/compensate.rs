@@ -9,7 +9,7 @@ use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::model::linalg::rotation_from_vector;
 use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorError};
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{OffsetNm, PositionNm, Tick};
+use gantry_tau_core::units::{OffsetNm, PositionNm, Tick, TorquePermille};
 use gantry_tau_machine::dynamics::MassiveMachine;
 use gantry_tau_machine::elastic;
 use gantry_tau_machine::model::{Compensate, MachineKind};
@@ -18,7 +18,7 @@ use gantry_tau_machine::sensor::{self, Mounting};
 use gantry_tau_machine::stability::{FilterKind, NotchFinder};
 use nalgebra::{Matrix3, Vector3, Vector6};
 
-use crate::feed_forward::{FeedForward, InertialLoads};
+use crate::feed_forward::{FeedForward, InertialLoads, TorqueScale};
 use crate::notches::FollowingNotches;
 
 /// Reason why a robot file gives no compensation.
@@ -53,6 +53,8 @@ pub struct Compensation<const N: usize> {
     metres_per_q: [f64; N],
     /// Load of the last cycle; `None` while taring.
     load: Option<Wrench>,
+    /// Torques of the last cycle.
+    torques: [TorquePermille; N],
     /// Turn of the platform by that load, and of the sensor on it: 2.5 mrad at 300 N on an L2,
     /// which is 0.75 N across.
     turn: Matrix3<f64>,
@@ -93,9 +95,13 @@ impl<const N: usize> Compensation<N> {
         }
         let feed_forward = match robot.client.feed_forward {
             FeedForwardKey::None => None,
-            FeedForwardKey::Inertia => MassiveMachine::of(robot).map(|machine| {
-                FeedForward::new(machine, robot.metres_per_q, limits, robot.client.gain)
-            }),
+            FeedForwardKey::Inertia | FeedForwardKey::InertiaAndTorque => {
+                let torques = torque_scale(robot, welcome);
+                MassiveMachine::of(robot).map(|machine| {
+                    let gain = robot.client.gain;
+                    FeedForward::new(machine, robot.metres_per_q, limits, torques, gain)
+                })
+            }
         };
         Ok(Self {
             sensor,
@@ -108,6 +114,7 @@ impl<const N: usize> Compensation<N> {
             },
             metres_per_q: robot.metres_per_q,
             load: None,
+            torques: [TorquePermille(0); N],
             turn: Matrix3::identity(),
         })
     }
@@ -129,9 +136,13 @@ impl<const N: usize> Compensation<N> {
         let inertia = (self.feed_forward.as_mut())
             .map(|motion| motion.update(tick.0, &(&pose).into(), &axes));
         let raw = self.without_inertia(raw, inertia.as_ref(), &pose);
+        self.torques = [TorquePermille(0); N];
         match self.sensor.update(&raw, &(self.turn * pose.rotation))? {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {
+                if let (Some(loads), Some(motion)) = (&inertia, &self.feed_forward) {
+                    self.torques = motion.torques(&(&pose).into(), &axes, loads);
+                }
                 self.load = Some(load);
                 let turned_rad = self.compensator.turned_rad(&pose, nominal, &load)?;
                 self.turn = rotation_from_vector(&turned_rad).unwrap_or_else(Matrix3::identity);
@@ -206,6 +217,12 @@ impl<const N: usize> Compensation<N> {
         Ok(())
     }
 
+    /// Returns the torque offsets of the last cycle; zero unless the robot file asks for them.
+    #[must_use]
+    pub const fn torques(&self) -> [TorquePermille; N] {
+        self.torques
+    }
+
     /// True if the tare is done.
     #[must_use]
     pub const fn is_tared(&self) -> bool {
@@ -217,6 +234,32 @@ impl<const N: usize> Compensation<N> {
     pub fn load(&self) -> Wrench {
         self.load.unwrap_or_else(Wrench::zero)
     }
+}
+
+/// Returns the scale of the torques that a robot file asks for, within its limits and those that the
+/// server announced.
+fn torque_scale<K: MachineKind<N>, const N: usize>(
+    robot: &RobotFile<K, N>,
+    welcome: &Welcome<N>,
+) -> Option<TorqueScale<N>> {
+    if robot.client.feed_forward != FeedForwardKey::InertiaAndTorque {
+        return None;
+    }
+    let motors: [f64; N] = robot.motors.per_axis();
+    let mut permille_per_n = robot.rated_n?;
+    for (scale, motors) in permille_per_n.iter_mut().zip(motors) {
+        *scale = 1e3 / (*scale * motors);
+    }
+    let mut most = [0; N];
+    let limits = robot.limits.iter().zip(&welcome.limits);
+    for (most, (own, allowed)) in most.iter_mut().zip(limits) {
+        let least = own.limits.torque.max().min(allowed.torque.max());
+        *most = i16::try_from(least).unwrap_or(i16::MAX);
+    }
+    Some(TorqueScale {
+        permille_per_n,
+        most,
+    })
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@
 )]
 
 use gantry_tau_core::model::compensation::Correction;
-use gantry_tau_core::units::{CrossingError, Metres, OffsetNm};
+use gantry_tau_core::units::{CrossingError, Metres, OffsetNm, TorquePermille};
 use gantry_tau_machine::dynamics::{Coordinates, MassiveMachine};
 use gantry_tau_machine::elastic::Pose;
 use gantry_tau_machine::robot_file::CYCLE_US;
@@ -38,6 +38,15 @@ pub(crate) struct InertialLoads<const N: usize> {
     pub(crate) accelerations: SVector<f64, N>,
 }
 
+/// Torque of the motors of each axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TorqueScale<const N: usize> {
+    /// Per mille of each motor's rated torque by a force on the axis at the drives' metre, 1/N.
+    pub(crate) permille_per_n: [f64; N],
+    /// Largest magnitude, per mille.
+    pub(crate) most: [i16; N],
+}
+
 /// Nominal motion of a machine with masses.
 #[derive(Debug)]
 pub(crate) struct FeedForward<const N: usize> {
@@ -53,6 +62,8 @@ pub(crate) struct FeedForward<const N: usize> {
     metres_per_q: [f64; N],
     /// Largest magnitude of each axis' offset.
     limits: [OffsetNm; N],
+    /// Torques that are asked for, if any are.
+    torques: Option<TorqueScale<N>>,
     /// Share of the correction that is asked for, 0 to 1.
     pub(crate) gain: f64,
 }
@@ -62,12 +73,14 @@ impl<const N: usize> FeedForward<N> {
         machine: MassiveMachine<N>,
         metres_per_q: [f64; N],
         limits: [OffsetNm; N],
+        torques: Option<TorqueScale<N>>,
         gain: f64,
     ) -> Self {
         Self {
             machine,
             metres_per_q,
             limits,
+            torques,
             gain,
             low_pass: Filter::butterworth(CUTOFF_HZ),
             platform: Default::default(),
@@ -131,6 +144,32 @@ impl<const N: usize> FeedForward<N> {
             correction.saturated[axis] |= is_cut;
         }
         Ok(())
+    }
+
+    /// Returns the torques of the drives for a motion: `G^T Q` of what is behind the springs, and
+    /// their own mass. Zero unless they are asked for.
+    pub(crate) fn torques(
+        &self,
+        pose: &Pose,
+        axes: &[f64; N],
+        loads: &InertialLoads<N>,
+    ) -> [TorquePermille; N] {
+        let mut torques = [TorquePermille(0); N];
+        let motion = self.machine.rigid_motion(pose, axes);
+        let (Some(scale), Some(motion)) = (&self.torques, motion) else {
+            return torques;
+        };
+        let on_axes = motion.transpose() * loads.on_machine.platform + loads.on_machine.axes;
+        let motors_kg = &self.machine.masses.motors_kg;
+        for axis in 0..N {
+            let metres = self.metres_per_q[axis];
+            let own_n = motors_kg[axis] * loads.accelerations[axis] * metres;
+            let force_n = own_n - on_axes[axis] / metres;
+            let most = f64::from(scale.most[axis]);
+            let permille = self.gain * force_n * scale.permille_per_n[axis];
+            torques[axis] = TorquePermille(permille.round().clamp(-most, most) as i16);
+        }
+        torques
     }
 
     fn filtered(&mut self, accelerations: &Coordinates<N>) -> Coordinates<N> {

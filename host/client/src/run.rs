@@ -256,7 +256,10 @@ impl<const N: usize> ClientSession<'_, N> {
 
     fn answer(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let mode = self.mode();
-        let targets = self.targets.map(Offsets::position);
+        let mut targets = self.targets.map(Offsets::position);
+        for (target, torque) in targets.iter_mut().zip(self.compensation.torques()) {
+            target.torque = torque;
+        }
         let Some(answer) = self.link.answer(mode, &targets)? else {
             return Ok(());
         };

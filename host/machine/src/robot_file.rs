@@ -76,6 +76,8 @@ pub struct RobotFile<K, const N: usize> {
     pub metres_per_q: [f64; N],
     /// `[axes]` in the units of the reference path.
     pub limits: [AxisConfig; N],
+    /// Rated force of each motor of an axis at the drives' metre, N (`axes.torque.rated_n`).
+    pub rated_n: Option<[f64; N]>,
     /// `[motors]`.
     pub motors: Motors,
     /// `[sensor]`.
@@ -352,8 +354,9 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         let drives = check_drives(&sections, &mut problems);
         let masses = check_masses(&sections, &mut problems);
         problems.of(&["masses", "sensor", "client"], |problems| {
-            check::filter(&sections.sensor, sections.masses.is_some(), problems);
-            check::feed_forward(&sections.client, sections.masses.is_some(), problems);
+            let has_masses = sections.masses.is_some();
+            check::filter(&sections.sensor, has_masses, problems);
+            check::feed_forward(&sections.client, &sections.axes, has_masses, problems);
         });
         check_rest::<T, N>(&sections, machine.as_ref(), &mut problems);
         let (Some(machine), Some(drives), true) = (machine, drives, problems.is_empty()) else {
@@ -365,6 +368,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             compliances: machine.compliances,
             metres_per_q: sections.axes.metres_per_q.0,
             limits: drives.limits,
+            rated_n: sections.axes.torque.rated_n.map(|each| each.0),
             motors: sections.motors,
             sensor: sections.sensor,
             client: sections.client,

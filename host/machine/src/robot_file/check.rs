@@ -22,6 +22,8 @@ const COMPLIANCE_M_PER_N: (f64, f64) = (1e-13, 1e-2);
 const WHOLE_NM_TOLERANCE: f64 = 1e-3;
 /// Highest cut-off of a low-pass of first order, Hz.
 const MAX_CUTOFF_HZ: f64 = 1e5;
+/// Range of a motor's rated force, N.
+const RATED_N: (f64, f64) = (1.0, 1e6);
 /// Largest number of motors.
 const MAX_MOTORS: usize = 32;
 
@@ -114,6 +116,11 @@ fn axis_limits<const N: usize>(
         accel: pick(&v.accel_um_s, index, 0),
         ramp: pick(&v.ramp_um_s, index, 0),
     };
+    if let Some(rated_n) = &t.rated_n {
+        let (lower, upper) = RATED_N;
+        let key = axis_key("torque.rated_n", index);
+        problems.range(&key, pick(rated_n, index, 0.0), lower, upper);
+    }
     let torque = LimitValues {
         max: pick(&t.max_permille, index, -1).into(),
         step: pick(&t.step_permille, index, 0).into(),
@@ -320,11 +327,25 @@ pub(super) fn sensor(sensor: &Sensor, problems: &mut Problems) {
     problems.range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6);
 }
 
-/// Checks what a client feeds forward with the presence of `[masses]`.
-pub(super) fn feed_forward(client: &ClientKeys, has_masses: bool, problems: &mut Problems) {
-    if client.feed_forward == FeedForwardKey::Inertia && !has_masses {
-        let reason = "is \"inertia\", which needs a section [masses]";
-        problems.add("client.feed_forward", reason);
+/// Checks what a client feeds forward with the presence of `[masses]` and of rated forces.
+pub(super) fn feed_forward<const N: usize>(
+    client: &ClientKeys,
+    axes: &Axes<N>,
+    has_masses: bool,
+    problems: &mut Problems,
+) {
+    let (name, needs_torque) = match client.feed_forward {
+        FeedForwardKey::None => return,
+        FeedForwardKey::Inertia => ("inertia", false),
+        FeedForwardKey::InertiaAndTorque => ("inertia_and_torque", true),
+    };
+    let key = "client.feed_forward";
+    if !has_masses {
+        let reason = format!("is \"{name}\", which needs a section [masses]");
+        problems.add(key, reason);
+    } else if needs_torque && axes.torque.rated_n.is_none() {
+        let reason = format!("is \"{name}\", which needs axes.torque.rated_n");
+        problems.add(key, reason);
     }
 }
 

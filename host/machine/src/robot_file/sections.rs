@@ -135,6 +135,7 @@ pub(super) struct Torque<const N: usize> {
     pub(super) step_permille: Each<i16, N>,
     pub(super) accel_permille: Each<i16, N>,
     pub(super) ramp_permille: Each<i16, N>,
+    pub(super) rated_n: Option<Each<f64, N>>,
 }
 
 /// `[motors]`.
@@ -267,6 +268,8 @@ pub enum FeedForwardKey {
     None,
     /// The inertia of the nominal motion; needs `[masses]`.
     Inertia,
+    /// The same, and the torques of the drives for it; needs `axes.torque.rated_n` as well.
+    InertiaAndTorque,
 }
 
 fn default_leave_on_oscillation() -> bool {

@@ -171,6 +171,21 @@ fn every_error_names_its_key() {
             "gain = 1.0\nfeed_forward = \"masses\"",
             "client.feed_forward",
         ),
+        (
+            "gain = 1.0",
+            "gain = 1.0\nfeed_forward = \"inertia_and_torque\"",
+            "client.feed_forward",
+        ),
+        (
+            "ramp_permille = ",
+            "rated_n = [1000.0, 0.0, 1000.0]\nramp_permille = ",
+            "axes.torque.rated_n[1]",
+        ),
+        (
+            "ramp_permille = ",
+            "rated_n = [1000.0]\nramp_permille = ",
+            "axes.torque.rated_n",
+        ),
         ("[simulation]", "[client]\n[simulation]", "client"),
         ("seed = 2013", "seed = -1", "simulation.seed"),
         (
