@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use gantry_tau_client::{ClientControls, ClientOptions, ClientReport, run};
+use gantry_tau_client::{ClientControls, ClientError, ClientOptions, ClientReport, run};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::units::EpochRange;
@@ -30,15 +30,15 @@ pub fn cycle<K: MachineKind<N>, const N: usize, const M: usize, P: Plant<N, M>>(
     Cycle::new(config, motors, plant, epochs, latch, LOOPBACK).unwrap()
 }
 
-/// Runs a client, which reads its sensor at this address, until its session has ended: `each` sees
-/// every row of the server, and tells the client what to do. Returns the client's report and the
-/// rows.
+/// Runs a client, which reads its sensor at this address, until its session has ended; `each` sees
+/// every row of the server. Returns the client's result and the rows.
 pub fn play<K, const N: usize, const M: usize, P>(
     robot: RobotFile<K, N>,
     cycle: Cycle<N, M, P>,
     sensor: SocketAddr,
-    mut each: impl FnMut(&TickRecord<N>, &ClientControls),
-) -> (ClientReport, Vec<TickRecord<N>>)
+    controls: &Arc<ClientControls>,
+    mut each: impl FnMut(&TickRecord<N>),
+) -> (Result<ClientReport, ClientError>, Vec<TickRecord<N>>)
 where
     K: MachineKind<N>,
     P: Plant<N, M> + Send + 'static,
@@ -53,18 +53,17 @@ where
         obtain: true,
         accept_unstable: false,
     };
-    let controls = Arc::new(ClientControls::default());
-    let told = Arc::clone(&controls);
+    let told = Arc::clone(controls);
     let client = std::thread::spawn(move || run(&options, &told));
     let mut rows: Vec<TickRecord<N>> = Vec::new();
     while rows.last().is_none_or(|row| row.ended.is_none()) {
         let Ok(row) = queue.pop() else {
             continue;
         };
-        each(&row, &controls);
+        each(&row);
         rows.push(row);
     }
-    let report = client.join().unwrap().unwrap();
+    let result = client.join().unwrap();
     server.quit().unwrap();
-    (report, rows)
+    (result, rows)
 }

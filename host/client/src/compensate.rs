@@ -130,13 +130,14 @@ impl<const N: usize> Compensation<N> {
         raw: &Wrench,
         nominal: &[PositionNm; N],
     ) -> Result<Correction<N>, Box<dyn Error>> {
+        // Those of a cycle that fails belong to another motion.
+        self.torques = [TorquePermille(0); N];
         let pose = self.compensator.locate(nominal)?;
         let axes = self.q_of(nominal);
         self.follow(&pose, &axes)?;
         let inertia = (self.feed_forward.as_mut())
             .map(|motion| motion.update(tick.0, &(&pose).into(), &axes));
         let raw = self.without_inertia(raw, inertia.as_ref(), &pose);
-        self.torques = [TorquePermille(0); N];
         match self.sensor.update(&raw, &(self.turn * pose.rotation))? {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {

@@ -383,7 +383,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let beyond_n = self.tool.beyond_mean_n(SUBSTEPS - 1);
         let on_tool = moving.load().fixed_rows::<3>(0) - beyond_n;
         self.load.force_n = on_tool.into();
-        // What a cutter makes of the tool's inertia, too, is not what it is at one point of time.
+        // A cutter shakes the tool, whose inertia at the end of a cycle is not its mean over the cycle.
         if self.samples_points || !self.tool.changes_in_a_cycle() {
             found = *moving.sensor_load();
         }

@@ -5,23 +5,19 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use gantry_tau_client::{self, ClientControls, ClientError, ClientOptions, ClientReport};
+use gantry_tau_client::{ClientControls, ClientError, ClientReport};
 use gantry_tau_core::control::axis::{InForce, Reference};
-use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
+use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
-use gantry_tau_core::units::EpochRange;
 use gantry_tau_machine::model::L2_MOTORS;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::plant::{Plant, PlantError, Reading};
-use gantry_tau_server::server::Server;
-use gantry_tau_server::server::cycle::Cycle;
-use gantry_tau_server::server::tick_source::TickSource;
-use gantry_tau_server::state::StopLatch;
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::machine::SimulatedMachine;
+use gantry_tau_tests::client_session;
+use gantry_tau_tests::server_fixture::LOOPBACK;
 
 /// Samples the tare of these tests takes.
 const TARE: u32 = 50;
@@ -67,55 +63,25 @@ impl Plant<ARMS, L2_MOTORS> for Liar {
 /// Runs a client whose sensor lies, until it ends or, from a tick on, is asked to quit. Returns its
 /// result, whether it reached Obtain, and the last tick of the session.
 fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, u64) {
-    let loopback = ([127, 0, 0, 1], 0).into();
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
     let (_hand, tool) = load_generator();
-    let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
-    let motors = robot.motor_map().unwrap();
     let liar = Liar {
         machine: SimulatedMachine::from_robot(&robot, tool, Motion::Hold).unwrap(),
-        sensor: SensorPublisher::bind(loopback).unwrap(),
+        sensor: SensorPublisher::bind(LOOPBACK).unwrap(),
         lie,
         reads: 0,
     };
     let sensor = liar.sensor.address().unwrap();
-    let cycle: Cycle<ARMS, L2_MOTORS, _> = Cycle::new(
-        config,
-        motors,
-        liar,
-        EpochRange::VOLATILE,
-        StopLatch::volatile(),
-        loopback,
-    )
-    .unwrap();
-    let (server, mut rows) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
-    let options = ClientOptions {
-        server: server.address.into(),
-        transport: Transport::Stream,
-        sensor: sensor.into(),
-        robot,
-        record: None,
-        obtain: true,
-        accept_unstable: false,
-    };
-    let controls = Arc::new(ClientControls::default());
-    let told = Arc::clone(&controls);
-    let client = std::thread::spawn(move || gantry_tau_client::run(&options, &told));
-    let mut obtained = false;
-    let (mut ended, mut last) = (None, 0);
-    while ended.is_none() {
-        if let Ok(row) = rows.pop() {
-            last = row.state.tick.0;
-            obtained |= row.state.phase == Phase::Obtain;
-            ended = row.ended;
-            if row.state.tick.0 >= quit_at {
-                controls.quit.store(true, Ordering::Relaxed);
-            }
+    let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
+    let controls: Arc<ClientControls> = Arc::default();
+    let (result, rows) = client_session::play(robot, cycle, sensor, &controls, |row| {
+        if row.state.tick.0 >= quit_at {
+            controls.quit.store(true, Ordering::Relaxed);
         }
-    }
-    assert_eq!(ended, Some(Cause::Goodbye), "it leaves in good order");
-    let result = client.join().unwrap();
+    });
+    let last = rows.last().unwrap();
+    assert_eq!(last.ended, Some(Cause::Goodbye), "it leaves in good order");
     if let Ok(report) = &result {
         // Every State has its Command, but the last one, and that of the Goodbye, which may also
         // follow a Command at once.
@@ -125,8 +91,8 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
             "{commands} {report:?}"
         );
     }
-    server.quit().unwrap();
-    (result, obtained, last)
+    let obtained = rows.iter().any(|row| row.state.phase == Phase::Obtain);
+    (result, obtained, last.state.tick.0)
 }
 
 fn honest(tick: u64) -> Sample {

@@ -3,6 +3,7 @@
 //! is asked to.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use gantry_tau_client::ClientReport;
@@ -70,14 +71,16 @@ fn session(lie: Lie, leave_on_oscillation: bool) -> (ClientReport, Vec<TickRecor
     };
     let sensor = liar.sensor.address().unwrap();
     let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
-    client_session::play(robot, cycle, sensor, |row, controls| {
+    let controls = Arc::default();
+    let (report, rows) = client_session::play(robot, cycle, sensor, &controls, |row| {
         if row.state.tick.0 == ASKED {
             controls.obtain.store(true, Ordering::Relaxed);
         }
         if row.state.tick.0 >= QUITS {
             controls.quit.store(true, Ordering::Relaxed);
         }
-    })
+    });
+    (report.unwrap(), rows)
 }
 
 /// Phases in their order, each with the tick that it begins in.

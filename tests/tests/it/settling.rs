@@ -1,6 +1,7 @@
-//! How fast a compensation settles, and how it works: the client's, through a server, on the
-//! simulated machine with mass.
+//! Settling time of a compensation, and its work under a cutter: the client's, through a server, on
+//! the simulated machine with mass.
 
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use gantry_tau_core::control::message::Phase;
@@ -46,7 +47,8 @@ fn loaded<K: MachineKind<N>, const N: usize, const M: usize>(
     let address = sensor.address().unwrap();
     let cycle = client_session::cycle::<_, N, M, _>(&robot, machine).with_sensor(sensor);
     let mut obtaining = 0;
-    let (report, mut rows) = client_session::play(robot, cycle, address, |row, controls| {
+    let controls = Arc::default();
+    let (report, mut rows) = client_session::play(robot, cycle, address, &controls, |row| {
         obtaining += usize::from(row.state.phase == Phase::Obtain);
         if obtaining == BEFORE {
             load(&mut hand);
@@ -55,7 +57,7 @@ fn loaded<K: MachineKind<N>, const N: usize, const M: usize>(
             controls.quit.store(true, Ordering::Relaxed);
         }
     });
-    assert_eq!(report.oscillations, 0);
+    assert_eq!(report.unwrap().oscillations, 0);
     let is_loaded =
         |row: &TickRecord<N>| row.tool.unwrap().load.iter().any(|part| part.abs() > 0.0);
     let first = rows.iter().position(is_loaded).unwrap();

@@ -126,7 +126,7 @@ fn agree<K: MachineKind<N>, const N: usize, const M: usize>(robot: &RobotFile<K,
     computed.per_s
 }
 
-/// Random places, tools, filters and latencies: whatever grows or decays by more than 0.3/s does so
+/// Random places, tools, filters and latencies: a loop that grows or decays by more than 0.3/s does so
 /// in the simulation.
 fn no_verdict_differs<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,

@@ -148,6 +148,8 @@ fn a_latency_of_its_own_is_a_row_and_the_six_axes_follow_too() {
         "{said}"
     );
     assert_eq!(all["shown"]["command_cycles"], 5);
+    // The file's, not the usual 150.
+    Row::of(&all, None).assert_near("gain_per_s", 30.0);
     assert!(folder.read("f1.html").contains("outside, 5 + 4"));
 }
 

@@ -363,3 +363,6 @@ impl<const N: usize, const M: usize> Plant<N, M> for CampaignMachine<N, M> {
         self.machine.reset();
     }
 }
+
+#[cfg(test)]
+mod tests;
