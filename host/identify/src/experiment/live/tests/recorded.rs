@@ -125,7 +125,7 @@ fn a_recording_is_divided_by_the_plan() {
         "{times:?}"
     );
     // By the machine's own springs: a recording has the exact load, and gauges that show whole
-    // steps of 0.5 um.
+    // steps of 0.5 um, slack (where the platform has sagged to) and pulled.
     let springs = TrueSprings::from_robot(&robot).unwrap();
     for window in &made.campaign.windows {
         let planned = &plan.series[window.series];
@@ -143,7 +143,7 @@ fn a_recording_is_divided_by_the_plan() {
         let moved = now.pose.translation_m - began.pose.translation_m;
         for (reading, moved) in window.readings_m.iter().zip(&moved) {
             assert!(
-                (reading.unwrap() - moved).abs() < 0.26e-6,
+                (reading.unwrap() - moved).abs() < 0.51e-6,
                 "{reading:?} {moved:e}"
             );
         }
