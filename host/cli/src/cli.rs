@@ -34,7 +34,7 @@ use std::process::ExitCode;
 
 use crate::signals::{self, Suspension};
 use crate::terminal::{LogWriter, OutputReader, WritesRest, complain, queue_output};
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use gantry_tau_client::force_sensor::{DEFAULT_NAME, SensorSource};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::model::{f1, l2};
@@ -282,6 +282,19 @@ fn check_reach(address: SocketAddr, allowed: &Allowed) -> Result<(), Failure> {
         "other machines reach {address}, unencrypted: name those that may with --allow (every peer: --allow 0.0.0.0/0 --allow ::/0)"
     )
     .into())
+}
+
+/// Links to the instruments of a compensating client.
+#[derive(Clone, Debug, Args)]
+struct Instruments {
+    /// The force sensor: the address of the server's link, or labcomm: for a LabComm stream with a
+    /// sample NAME of type float[6] or double[6] [default NAME: forcesensor]
+    #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
+    sensor: SensorSource,
+    /// The accelerometer, of a machine with a section [sensor.accelerometer]: the address of the
+    /// server's link
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7004", value_parser = peer)]
+    accelerometer: Addresses,
 }
 
 /// A force sensor: an address, or `labcomm:` with address and name of a sample.

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use gantry_tau_client::Compensation;
+use gantry_tau_client::{Compensation, Samples};
 use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::Channel;
 use gantry_tau_core::control::endpoint::MotorMap;
@@ -113,9 +113,14 @@ impl<const N: usize, const M: usize> CompensatedMachine<N, M> {
         let reading = self.machine.read(1)?;
         let shown = reading.tool.ok_or("the machine has no instruments")?;
         self.nominal = reading.nominal;
-        let raw = Wrench::from_array(shown.sensor);
+        let samples = Samples {
+            wrench: Wrench::from_array(shown.sensor),
+            acceleration: shown.acceleration,
+        };
         self.tick.0 += 1;
-        let answer = self.compensation.cycle(self.tick, &raw, &reading.nominal)?;
+        let answer = self
+            .compensation
+            .cycle(self.tick, &samples, &reading.nominal)?;
         Ok((shown, answer.offsets))
     }
 

@@ -253,6 +253,10 @@ impl Header {
 
     fn sensor<K: MachineKind<N>, const N: usize>(&mut self, robot: &RobotFile<K, N>) {
         let config = sensor::config(robot);
+        if robot.sensor.accelerometer.is_some() {
+            self.line("\n/* Its filter is for a load without the tool's inertia, as an accelerometer measures it; the C interface has none. */");
+            self.define("NEEDS_ACCELEROMETER", 1);
+        }
         self.constant(
             "Force sensor: mounting, tool and filter, for one sample per cycle.",
             "gt_sensor_config",

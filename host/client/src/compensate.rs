@@ -18,6 +18,7 @@ use gantry_tau_machine::sensor::{self, Mounting};
 use gantry_tau_machine::stability::{FilterKind, NotchFinder};
 use nalgebra::{Matrix3, Vector3, Vector6};
 
+use crate::accelerometer::{AccelerometerError, MeasuredInertia};
 use crate::feed_forward::{FeedForward, InertialLoads, TorqueScale};
 use crate::notches::FollowingNotches;
 
@@ -41,6 +42,16 @@ pub enum SetupError {
     Thread(#[from] std::io::Error),
 }
 
+/// Samples of the instruments at the tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Samples {
+    /// Force (N) and moment (N m) as the force sensor shows them, its axes.
+    pub wrench: Wrench,
+    /// Linear (m/s^2), then angular acceleration (rad/s^2) as the accelerometer shows them, its axes;
+    /// `None` without a sample that belongs to the wrench.
+    pub acceleration: Option<[f64; 6]>,
+}
+
 /// Tare, filter and compensation, once per cycle.
 pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
@@ -48,6 +59,8 @@ pub struct Compensation<const N: usize> {
     /// Of a filter whose notches are at the natural frequencies of the machine.
     notches: Option<FollowingNotches<N>>,
     feed_forward: Option<FeedForward<N>>,
+    /// Of a machine with an accelerometer.
+    inertia: Option<MeasuredInertia>,
     /// Mounting of the force sensor, of a tool without weight.
     mounting: Mounting,
     metres_per_q: [f64; N],
@@ -108,6 +121,7 @@ impl<const N: usize> Compensation<N> {
             compensator,
             notches,
             feed_forward,
+            inertia: MeasuredInertia::of(robot),
             mounting: Mounting {
                 weight_n: Vector3::zeros(),
                 ..Mounting::from(&robot.sensor)
@@ -119,15 +133,15 @@ impl<const N: usize> Compensation<N> {
         })
     }
 
-    /// Returns the position offsets of one cycle for a raw sample (sensor axes) and the nominal
-    /// positions of a tick. Zero while taring.
+    /// Returns the position offsets of one cycle for the samples and the nominal positions of a tick.
+    /// Zero while taring.
     ///
     /// # Errors
-    /// The sample is invalid, or the positions have no solution.
+    /// A sample is invalid or missing, or the positions have no solution.
     pub fn cycle(
         &mut self,
         tick: Tick,
-        raw: &Wrench,
+        samples: &Samples,
         nominal: &[PositionNm; N],
     ) -> Result<Correction<N>, Box<dyn Error>> {
         // Those of a cycle that fails belong to another motion.
@@ -137,7 +151,7 @@ impl<const N: usize> Compensation<N> {
         self.follow(&pose, &axes)?;
         let inertia = (self.feed_forward.as_mut())
             .map(|motion| motion.update(tick.0, &(&pose).into(), &axes));
-        let raw = self.without_inertia(raw, inertia.as_ref(), &pose);
+        let raw = self.without_inertia(samples, inertia.as_ref(), &pose)?;
         match self.sensor.update(&raw, &(self.turn * pose.rotation))? {
             Reading::Taring { .. } => Ok(Correction::ZERO),
             Reading::Load(load) => {
@@ -172,20 +186,30 @@ impl<const N: usize> Compensation<N> {
         }
     }
 
-    /// Returns a reading without what the nominal motion makes of the tool's inertia: it is fed
-    /// forward, and the filter of the load could not follow it.
+    /// Returns a reading without the tool's inertia: the share that an accelerometer measures, and of
+    /// the rest what the nominal motion makes of it. That is fed forward, and the filter of the load
+    /// could not follow it.
     fn without_inertia(
-        &self,
-        raw: &Wrench,
-        inertia: Option<&InertialLoads<N>>,
+        &mut self,
+        samples: &Samples,
+        nominal: Option<&InertialLoads<N>>,
         pose: &Pose,
-    ) -> Wrench {
-        let Some(inertia) = inertia else {
-            return *raw;
-        };
-        let pose = elastic::Pose::from(pose);
-        let of_tool = self.mounting.seen(&inertia.on_sensor, &pose.rotation);
-        Wrench::from_array((Vector6::from(raw.to_array()) - of_tool).into())
+    ) -> Result<Wrench, AccelerometerError> {
+        let mut wrench = Vector6::from(samples.wrench.to_array());
+        if let Some(inertia) = &mut self.inertia {
+            let turned = Pose {
+                rotation: self.turn * pose.rotation,
+                ..*pose
+            };
+            let turned = elastic::Pose::from(&turned).rotation;
+            let load = inertia.update(samples.acceleration.as_ref(), &turned)?;
+            wrench += self.mounting.seen(&load, &turned);
+        }
+        if let Some(nominal) = nominal {
+            let pose = elastic::Pose::from(pose);
+            wrench -= self.mounting.seen(&nominal.on_sensor, &pose.rotation);
+        }
+        Ok(Wrench::from_array(wrench.into()))
     }
 
     /// Returns the offsets for a load and for the loads of the nominal motion.
@@ -300,8 +324,11 @@ mod tests {
         let [(unloaded, _), (raw, turned_rad)] = [Vector6::zeros(), load].map(|load| {
             let equilibrium = machine.equilibrium(&q, &load, &home).unwrap();
             let platform = equilibrium.pose.rotation;
-            let raw = Wrench::from_array(mounting.seen(&load, &platform).into());
-            (raw, platform.angle())
+            let samples = Samples {
+                wrench: Wrench::from_array(mounting.seen(&load, &platform).into()),
+                acceleration: None,
+            };
+            (samples, platform.angle())
         });
         let tared = u64::from(robot.sensor.tare_samples);
         for tick in 0..tared {

@@ -31,8 +31,8 @@ const MAX_GAP: u64 = 10;
 pub(crate) struct InertialLoads<const N: usize> {
     /// `Q` on the platform, about the tool centre point, and on the axes, along `+q`.
     pub(crate) on_machine: Coordinates<N>,
-    /// Load that the force sensor reads of the tool's inertia, about the tool centre point, world
-    /// axes.
+    /// Load that the force sensor reads of the tool's inertia, as far as no accelerometer takes it
+    /// out, about the tool centre point, world axes.
     pub(crate) on_sensor: Vector6<f64>,
     /// Accelerations of the axes, q-units.
     pub(crate) accelerations: SVector<f64, N>,
@@ -186,7 +186,7 @@ impl<const N: usize> FeedForward<N> {
         let norm = motion.platform.fixed_rows::<3>(0).norm();
         let motion = *motion * (MAX_M_PER_S2 / norm).min(1.0);
         let masses = self.machine.mass_matrix(pose, axes);
-        let tool = self.machine.masses.tool.mass_matrix(&pose.rotation);
+        let tool = self.machine.felt_tool(&pose.rotation);
         InertialLoads {
             on_machine: masses.times(&motion) * -1.0,
             on_sensor: -(tool * motion.platform),

@@ -28,6 +28,7 @@
     reason = "off the reference path; release builds keep their overflow checks, and `as` saturates where floats become integers"
 )]
 
+mod accelerometer;
 mod compensate;
 mod connection;
 mod feed_forward;
@@ -52,7 +53,8 @@ use gantry_tau_server::links::sensor::Sample;
 use gantry_tau_system::dial::Addresses;
 
 use crate::force_sensor::SensorSource;
-pub use compensate::{Compensation, SetupError};
+pub use accelerometer::AccelerometerError;
+pub use compensate::{Compensation, Samples, SetupError};
 pub use connection::Connection;
 pub use connection::connected_datagrams;
 pub use oscillation::Oscillation;
@@ -67,6 +69,9 @@ pub struct ClientOptions<K, const N: usize> {
     pub transport: Transport,
     /// The force sensor.
     pub sensor: SensorSource,
+    /// Addresses of the accelerometer's link, for a machine that has one; without them the client
+    /// takes it for one that has none.
+    pub accelerometer: Option<Addresses>,
     /// The machine.
     pub robot: RobotFile<K, N>,
     /// File of the recording, if any.
@@ -75,6 +80,17 @@ pub struct ClientOptions<K, const N: usize> {
     pub obtain: bool,
     /// Obtain even with a margin of stability below the required one.
     pub accept_unstable: bool,
+}
+
+impl<K: Clone, const N: usize> ClientOptions<K, N> {
+    /// Returns the machine with the instruments that there are links for.
+    fn usable_robot(&self) -> RobotFile<K, N> {
+        let mut robot = self.robot.clone();
+        if self.accelerometer.is_none() {
+            robot.sensor.accelerometer = None;
+        }
+        robot
+    }
 }
 
 /// Switches for other threads, and the progress of the client.
@@ -138,7 +154,7 @@ pub struct ClientReport {
 pub enum ClientError {
     /// No answer at an address.
     Unreachable {
-        /// The peer: "server" or "force sensor".
+        /// The peer: "server", "force sensor" or "accelerometer".
         what: &'static str,
         /// Its addresses.
         address: Addresses,
@@ -155,6 +171,8 @@ pub enum ClientError {
     Vanished(String),
     /// The force sensor is silent, or its connection is gone.
     SensorSilent(String),
+    /// The connection of the accelerometer is gone.
+    AccelerometerSilent(String),
     /// The gauges of a campaign are gone.
     GaugesSilent(String),
     /// The machine's model or the recording cannot be used.
@@ -202,7 +220,7 @@ impl ClientError {
             Self::Incompatible(_) => 5,
             Self::Ended(_) => 6,
             Self::Vanished(_) => 7,
-            Self::SensorSilent(_) => 8,
+            Self::SensorSilent(_) | Self::AccelerometerSilent(_) => 8,
             Self::GaugesSilent(_) => 9,
         }
     }
@@ -229,6 +247,9 @@ impl fmt::Display for ClientError {
             Self::Ended(cause) => write!(f, "the server ended the session: {cause}"),
             Self::Vanished(reason) => write!(f, "the server vanished: {reason}"),
             Self::SensorSilent(reason) => write!(f, "no force samples: {reason}"),
+            Self::AccelerometerSilent(reason) => {
+                write!(f, "no samples of the accelerometer: {reason}")
+            }
             Self::GaugesSilent(reason) => write!(f, "no gauges: {reason}"),
             Self::Setup(reason) => f.write_str(reason),
             Self::Quit => f.write_str("left before a session was granted"),

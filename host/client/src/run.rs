@@ -12,9 +12,11 @@ use gantry_tau_core::units::OffsetNm;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::CYCLE_US;
 use gantry_tau_record::recording::{ClientRow, Recorder, Recording, SessionEvents};
+use gantry_tau_server::links::accelerometer::AccelerometerReader;
 use gantry_tau_server::links::sensor::Sample;
 
-use super::compensate::Compensation;
+use super::accelerometer::MAX_APART;
+use super::compensate::{Compensation, Samples};
 use super::connection::Connection;
 use super::oscillation::Oscillations;
 use super::stability::HomeMargin;
@@ -36,6 +38,7 @@ const NO_MASSES: &str = "no masses: stability in motion and contact is not known
 struct ClientSession<'a, const N: usize> {
     link: Connection<'a, N>,
     sensor: SensorConnection,
+    accelerometer: Option<AccelerometerReader>,
     sample: Option<Sample>,
     compensation: Compensation<N>,
     targets: [OffsetNm; N],
@@ -95,9 +98,10 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         cycle_us: Some(CYCLE_US),
         kinematics_checksum: Some(options.robot.checksum()),
     };
-    let margin = HomeMargin::of(&options.robot);
+    let robot = &options.usable_robot();
+    let margin = HomeMargin::of(robot);
     let is_asked = options.obtain || controls.obtain.load(Ordering::Relaxed);
-    let reason = margin.against(options.robot.client.gain);
+    let reason = margin.against(robot.client.gain);
     if let Some(reason) = reason.filter(|_| is_asked && !options.accept_unstable) {
         return Err(ClientError::Setup(reason));
     }
@@ -107,12 +111,19 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
     let sensor = SensorConnection::connect(&options.sensor, &controls.quit).map_err(|error| {
         ClientError::unreachable("force sensor", options.sensor.address(), error)
     })?;
+    let accelerometer = match (&robot.sensor.accelerometer, &options.accelerometer) {
+        (Some(_), Some(address)) => Some(
+            AccelerometerReader::connect(address.clone(), &controls.quit)
+                .map_err(|error| ClientError::unreachable("accelerometer", address, error))?,
+        ),
+        _ => None,
+    };
     // After connecting: an absent server must not cost an earlier recording. Before Hello: nothing
     // moves yet.
     let recorder = options
         .record
         .as_ref()
-        .map(|to| Recorder::start(Recording::create::<ClientRow<N>, K>(to, &options.robot)?));
+        .map(|to| Recorder::start(Recording::create::<ClientRow<N>, K>(to, robot)?));
     let recorder = recorder.transpose();
     let recorder = recorder.map_err(|error| ClientError::Setup(error.to_string()))?;
     let welcome = link.greet()?;
@@ -128,8 +139,9 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
     let mut session = ClientSession {
         link,
         sensor,
+        accelerometer,
         sample: None,
-        compensation: Compensation::new(&options.robot, &welcome)
+        compensation: Compensation::new(robot, &welcome)
             .map_err(|error| ClientError::Setup(error.to_string()))?,
         targets: [OffsetNm(0); N],
         cut: [false; N],
@@ -143,8 +155,8 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         obtaining: false,
         margin,
         accept_unstable: options.accept_unstable,
-        gain: options.robot.client.gain,
-        oscillations: Oscillations::new(&options.robot, &welcome),
+        gain: robot.client.gain,
+        oscillations: Oscillations::new(robot, &welcome),
     };
     let result = session.answer_until_done();
     let recorded = session.recorder.and_then(|recorder| recorder.finish(0));
@@ -338,8 +350,11 @@ impl<const N: usize> ClientSession<'_, N> {
         self.sample = Some(sample);
         self.states_without_sample = 0;
         let nominal = state.axes.map(|axis| axis.nominal);
-        let raw = Wrench::from_array(sample.wrench);
-        match self.compensation.cycle(state.tick, &raw, &nominal) {
+        let samples = Samples {
+            wrench: Wrench::from_array(sample.wrench),
+            acceleration: self.acceleration(sample.tick)?,
+        };
+        match self.compensation.cycle(state.tick, &samples, &nominal) {
             Ok(correction) => {
                 self.targets = correction.offsets;
                 self.held_in_a_row = 0;
@@ -348,6 +363,18 @@ impl<const N: usize> ClientSession<'_, N> {
             }
             Err(error) => self.hold(&*error),
         }
+    }
+
+    /// Returns the sample of the accelerometer that belongs to a force sample of this tick.
+    fn acceleration(&mut self, tick: u64) -> Result<Option<[f64; 6]>, ClientError> {
+        let Some(accelerometer) = &mut self.accelerometer else {
+            return Ok(None);
+        };
+        let latest = accelerometer
+            .latest()
+            .map_err(|error| ClientError::AccelerometerSilent(error.to_string()))?;
+        let belonging = latest.filter(|latest| latest.tick.abs_diff(tick) <= MAX_APART);
+        Ok(belonging.map(|latest| latest.components))
     }
 
     /// Counts a correction that was cut; logs the first.

@@ -7,6 +7,7 @@
 //! | [`elastic`] | links and axes as springs: pose under load, readings of gauges |
 //! | [`masses`], [`dynamics`] | masses, equations of motion, modes |
 //! | [`sensor`] | mounting of the force sensor |
+//! | [`accelerometer`] | an accelerometer, which takes the tool's inertia out of the measured load |
 //! | [`workspace`] | reach, condition number, compliance over a grid |
 //! | [`stability`] | stability of the compensation on a machine with mass |
 //! | [`drive_cascade`] | gains and masses of the simulated drives |
@@ -41,6 +42,7 @@
     reason = "off the reference path; release builds keep their overflow checks, and `as` saturates where floats become integers"
 )]
 
+pub mod accelerometer;
 pub mod drive_cascade;
 pub mod dynamics;
 pub mod elastic;

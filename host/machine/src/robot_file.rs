@@ -43,8 +43,8 @@ pub use problems::{Problem, Problems};
 use read::GEOMETRY;
 use sections::Sections;
 pub use sections::{
-    ClientKeys, DEFAULT_NOTCH_Q, DEFAULT_NOTCHES, FeedForwardKey, FilterKey, Motors, Sensor,
-    Simulation, ToolKeys,
+    AccelerometerKeys, ClientKeys, DEFAULT_NOTCH_Q, DEFAULT_NOTCHES, DEFAULT_SHARE, FeedForwardKey,
+    FilterKey, Motors, Sensor, Simulation, ToolKeys,
 };
 
 /// The text of `robots/l2.toml`.
@@ -356,6 +356,7 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
         problems.of(&["masses", "sensor", "client"], |problems| {
             let has_masses = sections.masses.is_some();
             check::filter(&sections.sensor, has_masses, problems);
+            check::accelerometer(&sections.sensor, has_masses, problems);
             check::feed_forward(&sections.client, &sections.axes, has_masses, problems);
         });
         check_rest::<T, N>(&sections, machine.as_ref(), &mut problems);

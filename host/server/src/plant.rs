@@ -186,6 +186,9 @@ pub struct ToolReading {
     pub load: [f64; 6],
     /// Raw sample of the force sensor, force (N) then moment (N m), sensor axes.
     pub sensor: [f64; 6],
+    /// Sample of the accelerometer, linear (m/s^2) then angular acceleration (rad/s^2), its axes;
+    /// `None` without one.
+    pub acceleration: Option<[f64; 6]>,
     /// Displacement of the tool centre point from its nominal place, metres, world axes; exact in
     /// the simulation.
     pub displacement_m: [f64; 3],

@@ -48,6 +48,7 @@ pub(crate) fn parameters() -> SimulationParameters<ARMS> {
             spring_deviation: 0.15,
             force_noise_n: 0.5,
             moment_noise_nm: 0.02,
+            acceleration_noise_m_per_s2: 0.02,
             gauge_resolution_m: 0.5e-6,
             jump_force_n: 360.0,
             jump_gap_m: 40e-6,

@@ -68,6 +68,7 @@
     )
 )]
 
+mod accelerometer;
 pub mod drive;
 pub mod force_sensor;
 pub mod load_generator;

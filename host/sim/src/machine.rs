@@ -40,8 +40,9 @@ use gantry_tau_server::plant::interpolator::{Interpolator, Motion, OutOfRange};
 use gantry_tau_server::plant::{
     DriveState, Plant, PlantError, Reading, ToolReading, VelocityPlant,
 };
-use nalgebra::Vector6;
+use nalgebra::{Vector3, Vector6};
 
+use super::accelerometer::SimulatedAccelerometer;
 use super::drive::supervision::Trip;
 use super::drive::{self, Cart, Drive, SUBSTEPS, Settings, coupled};
 use super::force_sensor::SimulatedForceSensor;
@@ -64,6 +65,7 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     carts: [Option<Cart>; N],
     interpolator: Interpolator<N>,
     sensor: SimulatedForceSensor,
+    accelerometer: Option<SimulatedAccelerometer>,
     gauge_resolution_m: f64,
     tool: AppliedLoad,
     workpiece: Option<Workpiece>,
@@ -85,6 +87,7 @@ pub struct SimulatedMachine<const N: usize, const M: usize> {
     /// The force sensor samples at a point of time, in place of the mean over a cycle.
     samples_points: bool,
     sample: Wrench,
+    acceleration: Option<[f64; 6]>,
 }
 
 impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
@@ -144,6 +147,10 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             carts,
             interpolator: Interpolator::new(home_m, &parameters.motion)?,
             sensor: SimulatedForceSensor::new(&parameters.sensor, &parameters.simulation),
+            accelerometer: parameters
+                .sensor
+                .accelerometer
+                .map(|keys| SimulatedAccelerometer::new(keys.into(), &parameters.simulation)),
             gauge_resolution_m: parameters.simulation.gauge_resolution_m,
             tool,
             workpiece: None,
@@ -159,6 +166,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             load: Load::default(),
             samples_points: false,
             sample: Wrench::zero(),
+            acceleration: None,
         };
         machine
             .settle_platform()
@@ -166,6 +174,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         machine.sample = machine
             .sensor
             .sample(&Wrench::zero(), &machine.loaded.pose.rotation);
+        machine.measure_acceleration(&Vector6::zeros(), &Vector3::zeros());
         Ok(machine)
     }
 
@@ -348,7 +357,19 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             seen.force_n += self.tool.beyond_mean_n(SUBSTEPS - 1);
         }
         self.sample = self.sensor.sample(&seen, &self.loaded.pose.rotation);
+        self.measure_acceleration(&Vector6::zeros(), &Vector3::zeros());
         Ok(())
+    }
+
+    /// Takes a sample of the accelerometer, if there is one.
+    fn measure_acceleration(
+        &mut self,
+        acceleration: &Vector6<f64>,
+        angular_velocity: &Vector3<f64>,
+    ) {
+        let platform = &self.loaded.pose.rotation;
+        self.acceleration = (self.accelerometer.as_mut())
+            .map(|instrument| instrument.sample(acceleration, angular_velocity, platform));
     }
 
     /// Runs one cycle of a machine with masses.
@@ -359,6 +380,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             .ok_or("the machine has no natural frequencies here")?;
         self.drives.iter_mut().for_each(Drive::begin);
         let mut found = Vector6::zeros();
+        let mut accelerations = Vector6::zeros();
         for substep in 0..SUBSTEPS {
             let motors = self.motor_motion();
             let held = moving.drive_loads(&motors);
@@ -369,6 +391,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             moving.step(&motors, &load, self.workpiece.as_ref());
             self.step_drives(substep, &axis_loads_n);
             found += moving.sensor_load() / f64::from(SUBSTEPS);
+            accelerations += moving.accelerations() / f64::from(SUBSTEPS);
         }
         self.drives.iter_mut().for_each(Drive::end);
         self.stop_partners();
@@ -386,9 +409,11 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         // A cutter shakes the tool, whose inertia at the end of a cycle is not its mean over the cycle.
         if self.samples_points || !self.tool.changes_in_a_cycle() {
             found = *moving.sensor_load();
+            accelerations = *moving.accelerations();
         }
         let found = Wrench::from_array(found.into());
         self.sample = self.sensor.sample(&found, &self.loaded.pose.rotation);
+        self.measure_acceleration(&accelerations, &moving.angular_velocity());
         Ok(())
     }
 
@@ -483,6 +508,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             step: self.load.step,
             load: self.load.wrench().to_array(),
             sensor: self.sample.to_array(),
+            acceleration: self.acceleration,
             displacement_m: displacement,
             turn_rad: displaced.rotation_rad.into(),
             gauges_m: displacement.map(|length| whole_steps(length, self.gauge_resolution_m)),

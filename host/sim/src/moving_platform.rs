@@ -14,7 +14,7 @@ use gantry_tau_machine::dynamics::coordinates::{product, transposed_product};
 use gantry_tau_machine::dynamics::{CoordinateMatrix, Coordinates, MassiveMachine, Modes, State};
 use gantry_tau_machine::elastic::{ElasticMachine, Equilibrium, Pose};
 use gantry_tau_machine::masses::Masses;
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector6};
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::workpiece::Workpiece;
 use gantry_tau_machine::drive_cascade::SUBSTEP_S;
@@ -50,6 +50,7 @@ pub struct MovingPlatform<const N: usize> {
     tensions_n: Vector6<f64>,
     axis_loads: SVector<f64, N>,
     sensor_load: Vector6<f64>,
+    accelerations: Vector6<f64>,
 }
 
 /// Damping of what bends about one place.
@@ -100,7 +101,11 @@ impl<const N: usize> MovingPlatform<N> {
         home: &Equilibrium<N>,
         home_q: &[f64; N],
     ) -> Option<Self> {
-        let machine = MassiveMachine { elastic, masses };
+        let machine = MassiveMachine {
+            elastic,
+            masses,
+            accelerometer: None,
+        };
         let (pose, axes) = (home.pose, *home_q);
         let weight = machine.weight(&pose, &axes);
         let lines = elastic.lines(&axes.into(), &pose);
@@ -121,6 +126,7 @@ impl<const N: usize> MovingPlatform<N> {
             tensions_n: Vector6::zeros(),
             axis_loads: SVector::zeros(),
             sensor_load: Vector6::zeros(),
+            accelerations: Vector6::zeros(),
             machine,
         };
         platform.begin_cycle(&elastic)?;
@@ -165,6 +171,19 @@ impl<const N: usize> MovingPlatform<N> {
     #[must_use]
     pub const fn sensor_load(&self) -> &Vector6<f64> {
         &self.sensor_load
+    }
+
+    /// Returns the acceleration of the tool centre point (m/s^2) and of the orientation (rad/s^2),
+    /// world axes.
+    #[must_use]
+    pub const fn accelerations(&self) -> &Vector6<f64> {
+        &self.accelerations
+    }
+
+    /// Returns the angular velocity of the platform, rad/s, world axes.
+    #[must_use]
+    pub fn angular_velocity(&self) -> Vector3<f64> {
+        self.state.rates.platform.fixed_rows::<3>(3).into_owned()
     }
 
     /// Returns the load of each axis on its drive, along `+q`.
@@ -216,9 +235,10 @@ impl<const N: usize> MovingPlatform<N> {
         } + self.free
             + damped;
         let changes = self.mobility.times(&forces);
-        let omega = rates.platform.fixed_rows::<3>(3).into_owned();
+        let omega = self.angular_velocity();
         let tool = &self.machine.masses.tool;
         self.sensor_load = load - tool.inertial_load(&pose.rotation, &changes.platform, &omega);
+        self.accelerations = changes.platform;
         self.state = moved(&self.state, &changes);
     }
 }

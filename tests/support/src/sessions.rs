@@ -76,6 +76,7 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
         server: server.address.into(),
         transport: Transport::Stream,
         sensor: sensor_address.into(),
+        accelerometer: None,
         robot: robot.clone(),
         record: Some(client_file),
         obtain: true,

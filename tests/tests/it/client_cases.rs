@@ -68,6 +68,7 @@ fn compensates_with(bytes: [(usize, u32); 2]) -> ClientError {
         server: address.into(),
         transport: Transport::Stream,
         sensor: sensor.local_addr().unwrap().into(),
+        accelerometer: None,
         robot: RobotFile::builtin_l2().unwrap(),
         record: None,
         obtain: true,

@@ -95,6 +95,7 @@ fn every_state_is_answered_once() {
         server: server.socket.local_addr().unwrap().into(),
         transport: Transport::Datagram,
         sensor: sensor.address().unwrap().into(),
+        accelerometer: None,
         robot,
         record: None,
         obtain: false,

@@ -10,6 +10,7 @@
 )]
 
 mod agitation;
+mod bad_accelerometer;
 mod bad_sensor;
 mod black_box;
 mod calibration;

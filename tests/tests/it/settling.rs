@@ -6,14 +6,15 @@ use std::sync::atomic::Ordering;
 
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_machine::model::{CorrectionKind, F1_MOTORS, L2_MOTORS, MachineKind};
-use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_machine::robot_file::{AccelerometerKeys, RobotFile};
+use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
 use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau_sim::load_pattern::{LoadPattern, Milling};
 use gantry_tau_sim::machine::SimulatedMachine;
-use gantry_tau_tests::client_session;
+use gantry_tau_tests::client_session::{self, Instruments};
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use nalgebra::Vector3;
 
@@ -30,6 +31,7 @@ fn exact<K, const N: usize>(mut robot: RobotFile<K, N>) -> RobotFile<K, N> {
     robot.simulation.spring_deviation = 0.0;
     robot.simulation.force_noise_n = 0.0;
     robot.simulation.moment_noise_nm = 0.0;
+    robot.simulation.acceleration_noise_m_per_s2 = 0.0;
     robot.simulation.jump_gap_m = 0.0;
     robot.sensor.tare_samples = 50;
     robot.client.correction = Some(CorrectionKind::Exact);
@@ -45,10 +47,17 @@ fn loaded<K: MachineKind<N>, const N: usize, const M: usize>(
     let machine = SimulatedMachine::<N, M>::moving_from_robot(&robot, tool, Motion::Hold).unwrap();
     let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
     let address = sensor.address().unwrap();
-    let cycle = client_session::cycle::<_, N, M, _>(&robot, machine).with_sensor(sensor);
+    let accelerometer = AccelerometerPublisher::bind(LOOPBACK).unwrap();
+    let instruments = Instruments {
+        sensor: address,
+        accelerometer: Some(accelerometer.address().unwrap()),
+    };
+    let cycle = client_session::cycle::<_, N, M, _>(&robot, machine)
+        .with_sensor(sensor)
+        .with_accelerometer(accelerometer);
     let mut obtaining = 0;
     let controls = Arc::default();
-    let (report, mut rows) = client_session::play(robot, cycle, address, &controls, |row| {
+    let (report, mut rows) = client_session::play(robot, cycle, instruments, &controls, |row| {
         obtaining += usize::from(row.state.phase == Phase::Obtain);
         if obtaining == BEFORE {
             load(&mut hand);
@@ -96,6 +105,22 @@ fn settles<K: MachineKind<N>, const N: usize, const M: usize>(robot: RobotFile<K
 fn offsets_settle_as_fast_as_their_filter() {
     assert!(settles::<_, 3, L2_MOTORS>(RobotFile::builtin_l2().unwrap()) <= 105);
     assert!(settles::<_, 6, F1_MOTORS>(RobotFile::builtin_f1().unwrap()) <= 190);
+}
+
+/// An accelerometer lets the filter be faster: half of the time with the same machine.
+#[test]
+fn offsets_settle_in_half_the_time_with_an_accelerometer() {
+    let mut robot = RobotFile::builtin_l2().unwrap();
+    robot.sensor.cutoff_hz = 10.0;
+    robot.sensor.notches = 0;
+    robot.sensor.accelerometer = Some(AccelerometerKeys {
+        place_m: [0.03, -0.02, 0.05],
+        axes: 6,
+        rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        share: 0.9,
+        gravity: true,
+    });
+    assert!(settles::<_, 3, L2_MOTORS>(robot) <= 55);
 }
 
 /// Displacement of the tool once settled: its mean, and its deviation from that (root mean square),

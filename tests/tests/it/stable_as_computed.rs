@@ -9,7 +9,7 @@ use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_core::units::OffsetNm;
 use gantry_tau_machine::masses::GRAVITY_M_PER_S2;
 use gantry_tau_machine::model::{F1_MOTORS, MachineKind};
-use gantry_tau_machine::robot_file::{DriveKeys, FilterKey, RobotFile};
+use gantry_tau_machine::robot_file::{AccelerometerKeys, DriveKeys, FilterKey, RobotFile};
 use gantry_tau_machine::stability::{Growth, LinearMachine, Loop, NotchFinder, TickMap};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::{Load, load_generator};
@@ -30,6 +30,7 @@ fn exact<K: MachineKind<N>, const N: usize>(
     robot.simulation.spring_deviation = 0.0;
     robot.simulation.force_noise_n = 0.0;
     robot.simulation.moment_noise_nm = 0.0;
+    robot.simulation.acceleration_noise_m_per_s2 = 0.0;
     robot.simulation.jump_gap_m = 0.0;
     robot.sensor.filter = Some(filter);
     robot.sensor.cutoff_hz = cutoff_hz;
@@ -186,6 +187,27 @@ fn l2() {
     assert!(agree(5.0, FilterKey::SecondOrder, 6.0) < 0.0);
     assert!(agree(5.0, FilterKey::Auto, 6.0) < -2.0);
     assert!(agree(1.835, FilterKey::Auto, 6.0) < -2.0);
+}
+
+/// What an accelerometer takes out of the reading makes the tool lighter in the loop: with the filter
+/// of first order 5 kg grow by 12/s, and decay with it.
+#[test]
+fn l2_with_an_accelerometer() {
+    let with = |axes, share| {
+        let l2 = RobotFile::builtin_l2().unwrap();
+        let mut robot = exact(l2, 5.0, FilterKey::FirstOrder, 20.0);
+        robot.sensor.accelerometer = Some(AccelerometerKeys {
+            place_m: robot.sensor.tool.centre_m,
+            axes,
+            rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+            share,
+            gravity: true,
+        });
+        agree::<_, 3, 3>(&robot)
+    };
+    assert!(with(6, 0.9) < -1.0);
+    assert!(with(3, 0.9) < -1.0);
+    assert!(with(6, 0.3) > 5.0);
 }
 
 #[test]

@@ -7,7 +7,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::signals;
 use crate::terminal::say;
 use clap::Args;
-use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_client::{ClientControls, ClientError, ClientOptions, Observer, operator};
 use gantry_tau_core::control::message::{State, Welcome};
 use gantry_tau_machine::model::MachineKind;
@@ -17,7 +16,7 @@ use gantry_tau_system::dial::Addresses;
 
 use super::outputs::NamedInput;
 use super::recording::ClientRecording;
-use super::{MachineCommand, Outcome, fail, peer, read_keyboard, sensor, transport};
+use super::{Instruments, MachineCommand, Outcome, fail, peer, read_keyboard, transport};
 
 /// Connect to a server, compensate the measured force, leave with Ctrl-C
 ///
@@ -35,10 +34,8 @@ pub(crate) struct Client {
     /// Address of the server
     #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = peer)]
     server: Addresses,
-    /// The force sensor: the address of the server's link, or labcomm: for a LabComm stream with a
-    /// sample NAME of type float[6] or double[6] [default NAME: forcesensor]
-    #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
-    sensor: SensorSource,
+    #[command(flatten)]
+    instruments: Instruments,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     pub(super) robot: NamedInput,
@@ -66,7 +63,8 @@ impl MachineCommand for Client {
         let options = ClientOptions {
             server: self.server,
             transport: transport(self.udp),
-            sensor: self.sensor,
+            sensor: self.instruments.sensor,
+            accelerometer: Some(self.instruments.accelerometer),
             robot,
             record: self.recording.to(),
             obtain: false,

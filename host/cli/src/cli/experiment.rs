@@ -9,7 +9,6 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use crate::signals;
 use crate::terminal::say;
 use clap::Args;
-use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_identify::experiment::live::{self, LiveOptions, keyboard};
 use gantry_tau_identify::experiment::simulated::simulate;
 use gantry_tau_identify::experiment::table::WindowTable;
@@ -25,7 +24,7 @@ use gantry_tau_system::output::{Kind, Output, rows};
 
 use super::machine::client_of;
 use super::outputs::{ContinuedTable, InputFile, NamedInput, file};
-use super::{MachineCommand, Outcome, fail, peer, read_keyboard, run_on, sensor, transport};
+use super::{Instruments, MachineCommand, Outcome, fail, peer, read_keyboard, run_on, transport};
 
 /// Measure a campaign of forces and gauges, window by window
 ///
@@ -63,9 +62,8 @@ pub(crate) struct Experiment {
     /// Address of the server
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = peer)]
     server: Addresses,
-    /// The force sensor, as `client` has it
-    #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
-    sensor: SensorSource,
+    #[command(flatten)]
+    instruments: Instruments,
     /// Address of the gauges
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = peer)]
     gauges: Addresses,
@@ -215,7 +213,8 @@ impl Experiment {
             plan,
             server: self.server.clone(),
             transport: transport(self.udp),
-            sensor: self.sensor.clone(),
+            sensor: self.instruments.sensor.clone(),
+            accelerometer: Some(self.instruments.accelerometer.clone()),
             gauges: (!self.ask_gauges).then(|| self.gauges.clone()),
             obtain: self.obtain,
             is_unattended: self.unattended,

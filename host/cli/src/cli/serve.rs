@@ -21,6 +21,7 @@ use gantry_tau_record::identity;
 use gantry_tau_record::recording::{RecordTo, Recorder, Recording, drain};
 use gantry_tau_server::black_box::swap_channel;
 use gantry_tau_server::links::Allowed;
+use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
 use gantry_tau_server::links::gauges::GaugePublisher;
 use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::Plant;
@@ -72,6 +73,9 @@ pub(crate) struct Serve {
     /// Address of the simulated force sensor
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
     sensor: SocketAddr,
+    /// Address of the simulated accelerometer, of a machine with a section [sensor.accelerometer]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7004", value_parser = address)]
+    accelerometer: SocketAddr,
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     pub(super) robot: NamedInput,
@@ -235,7 +239,9 @@ impl MachineCommand for Serve {
         self.check_interface(&robot)?;
         let allowed = Allowed::only(&self.allow)?;
         let gauges = self.plan.is_some().then_some(self.gauges);
-        let own = [Some(self.listen), Some(self.sensor), gauges];
+        let has_accelerometer = robot.sensor.accelerometer.is_some();
+        let accelerometer = has_accelerometer.then_some(self.accelerometer);
+        let own = [Some(self.listen), Some(self.sensor), accelerometer, gauges];
         for address in own
             .into_iter()
             .flatten()
@@ -319,6 +325,7 @@ impl Owned {
 pub(super) struct Ports {
     clients: Listening,
     sensor: SensorPublisher,
+    accelerometer: Option<AccelerometerPublisher>,
     publications: Vec<Publication>,
 }
 
@@ -350,15 +357,20 @@ impl Serve {
                 Ports {
                     clients,
                     sensor,
+                    accelerometer,
                     publications,
                 },
             state,
         } = owned;
         let sensor_address = sensor.address()?;
+        let accelerometers = (accelerometer.iter())
+            .map(|link| Ok(format!(", accelerometer on {}", link.address()?)));
         let ports = publications
             .iter()
             .map(|port| Ok(format!(", LabComm on {}", port.address()?)));
-        let ports = ports.collect::<std::io::Result<String>>()?;
+        let ports = accelerometers
+            .chain(ports)
+            .collect::<std::io::Result<String>>()?;
         let (sensors, mut publications): (Vec<_>, Vec<_>) = publications
             .into_iter()
             .partition(Publication::is_of_sensors);
@@ -393,6 +405,9 @@ impl Serve {
         let mut cycle = loops(cycle, robot.position_loops)?
             .with_sensor(sensor)
             .with_sensors(sensors);
+        if let Some(accelerometer) = accelerometer {
+            cycle = cycle.with_accelerometer(accelerometer);
+        }
         if let Some(sender) = sender {
             cycle = cycle.with_black_box(sender);
         }
@@ -508,7 +523,7 @@ impl Serve {
         )?)
     }
 
-    /// Owns the addresses for clients, sensor and LabComm, in this order.
+    /// Owns the addresses for clients, sensor, accelerometer and LabComm, in this order.
     pub(super) fn own_ports<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
@@ -523,6 +538,11 @@ impl Serve {
         let sensor = SensorPublisher::bind(self.sensor)
             .map(|sensor| sensor.for_peers(allowed.clone()))
             .map_err(|error| ServerError::listen(self.sensor, &error))?;
+        let accelerometer = (robot.sensor.accelerometer.as_ref())
+            .map(|_| AccelerometerPublisher::bind(self.accelerometer))
+            .transpose()
+            .map_err(|error| ServerError::listen(self.accelerometer, &error))?
+            .map(|accelerometer| accelerometer.for_peers(allowed.clone()));
         let publications = self.publications.bind::<N>(
             allowed,
             &self.machine(robot),
@@ -531,6 +551,7 @@ impl Serve {
         Ok(Ports {
             clients,
             sensor,
+            accelerometer,
             publications,
         })
     }

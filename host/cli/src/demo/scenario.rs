@@ -17,6 +17,7 @@ use gantry_tau_core::units::{EpochRange, Tick};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::black_box::{Window, swap_channel};
+use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
 use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::server::Server;
@@ -132,6 +133,8 @@ where
     let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(travel));
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
+    let accelerometer = AccelerometerPublisher::bind(LOOPBACK)?;
+    let accelerometer_address = accelerometer.address()?;
     let cycle = Cycle::new(
         config,
         robot.motor_map()?,
@@ -145,7 +148,10 @@ where
     if options.black_box.is_some() {
         cycle = cycle.with_black_box(sender);
     }
-    let (server, rows) = Server::spawn(cycle.with_sensor(sensor), ticks)?;
+    let (server, rows) = Server::spawn(
+        cycle.with_sensor(sensor).with_accelerometer(accelerometer),
+        ticks,
+    )?;
     let (relay, _) = Relay::spawn(
         LOOPBACK,
         server.address,
@@ -157,6 +163,7 @@ where
         server: relay.address.into(),
         transport: Transport::Stream,
         sensor: sensor_address.into(),
+        accelerometer: Some(accelerometer_address.into()),
         robot: options.client.clone(),
         record: options.record.clone(),
         obtain: false,

@@ -322,6 +322,7 @@ fn row<const N: usize>(
             step: count(tool.step),
             load: tool.load,
             sensor: [0.0; 6],
+            acceleration: None,
             displacement_m: tool.displacement_m,
             turn_rad: tool.turn_rad,
             gauges_m: tool.gauges_m,

@@ -201,6 +201,8 @@ where
             machine: MassiveMachine {
                 elastic: ElasticMachine::new(geometry, *self.springs()?, Backlash::NONE),
                 masses: self.masses()?,
+                // A loop is that of the force sensor alone.
+                accelerometer: None,
             },
             pose: Pose {
                 translation_m: pose.position_m,

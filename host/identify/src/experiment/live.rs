@@ -48,6 +48,8 @@ pub struct LiveOptions<K, const N: usize> {
     pub transport: Transport,
     /// The force sensor.
     pub sensor: SensorSource,
+    /// Addresses of the accelerometer's link, as of a [`ClientOptions`].
+    pub accelerometer: Option<Addresses>,
     /// Addresses of the gauges; `None`: they are typed in.
     pub gauges: Option<Addresses>,
     /// Ask for Obtain in all series, not only in those with compensation.
@@ -109,6 +111,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         server,
         transport,
         sensor,
+        accelerometer,
         gauges,
         obtain,
         is_unattended,
@@ -138,6 +141,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         server,
         transport,
         sensor,
+        accelerometer,
         robot,
         record: None,
         obtain,

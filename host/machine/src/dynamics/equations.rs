@@ -1,9 +1,10 @@
 //! Equations of motion: mass matrix, velocity terms, springs, weight.
 
 use gantry_tau_core::model::robot::{ARMS, LINKS};
-use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{Matrix6, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::coordinates::{CoordinateMatrix, Coordinates, PointJacobian};
+use crate::accelerometer::Accelerometer;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::joints::{Joint, centripetal_m_per_s2, joints};
 use crate::elastic::{ElasticMachine, Pose};
@@ -29,6 +30,9 @@ pub struct MassiveMachine<const N: usize> {
     pub elastic: ElasticMachine<N>,
     /// Masses.
     pub masses: Masses<N>,
+    /// Accelerometer by which a client takes the tool's inertia out of the measured load, if there
+    /// is one.
+    pub accelerometer: Option<Accelerometer>,
 }
 
 /// Motion of a machine under its springs and a load.
@@ -71,7 +75,20 @@ impl<const N: usize> MassiveMachine<N> {
                 Backlash::NONE,
             ),
             masses: robot.masses?,
+            accelerometer: robot.sensor.accelerometer.map(Accelerometer::from),
         })
+    }
+
+    /// Returns the mass matrix of the tool about the tool centre point, world axes, as far as no
+    /// accelerometer takes it out of the measured load.
+    #[must_use]
+    pub fn felt_tool(&self, rotation: &UnitQuaternion<f64>) -> Matrix6<f64> {
+        let tool = &self.masses.tool;
+        let whole = tool.mass_matrix(rotation);
+        match &self.accelerometer {
+            Some(accelerometer) => whole - accelerometer.found_mass(tool, rotation),
+            None => whole,
+        }
     }
 
     fn links(&self, pose: &Pose, axes: &[f64; N]) -> [LinkEnds<N>; LINKS] {

@@ -11,7 +11,9 @@ use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
 
 use super::problems::{Problem, Problems};
 use super::sections::{Axes, Each};
-use super::{CYCLE_US, ClientKeys, FeedForwardKey, FilterKey, Keys, Motors, Sensor, Simulation};
+use super::{
+    CYCLE_US, ClientKeys, FeedForwardKey, FilterKey, Keys, Motors, Sensor, Simulation, matrix,
+};
 
 /// Largest deviation of `metres_per_q`, the length of a unit of `q` by the drive's count, from
 /// `|v_i|`, which calibration finds; relative. More is a wrong unit.
@@ -327,6 +329,36 @@ pub(super) fn sensor(sensor: &Sensor, problems: &mut Problems) {
     problems.range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6);
 }
 
+/// Checks the accelerometer with the presence of `[masses]`.
+pub(super) fn accelerometer(sensor: &Sensor, has_masses: bool, problems: &mut Problems) {
+    let Some(keys) = &sensor.accelerometer else {
+        return;
+    };
+    let section = "sensor.accelerometer";
+    if !has_masses {
+        let reason =
+            "needs a section [masses]: what it takes out of the load is the tool's inertia";
+        problems.add(section, reason);
+    }
+    let deviation = rotation_deviation(&matrix(keys.rotation));
+    if deviation > 1e-9 {
+        let reason = format!("is not a rotation matrix (deviation {deviation:.0e})");
+        problems.add(format!("{section}.rotation"), reason);
+    }
+    for (index, value) in keys.place_m.into_iter().enumerate() {
+        let key = format!("{section}.place_m[{index}]");
+        problems.range(&key, value, -MAX_LEVER_M, MAX_LEVER_M);
+    }
+    if ![3, 6].contains(&keys.axes) {
+        let reason = format!(
+            "is {}; expected 3 (the linear acceleration) or 6 (the angular one as well)",
+            keys.axes
+        );
+        problems.add(format!("{section}.axes"), reason);
+    }
+    problems.range(&format!("{section}.share"), keys.share, 0.0, 1.0);
+}
+
 /// Checks what a client feeds forward with the presence of `[masses]` and of rated forces.
 pub(super) fn feed_forward<const N: usize>(
     client: &ClientKeys,
@@ -383,6 +415,12 @@ pub(super) fn simulation(simulation: &Simulation, problems: &mut Problems) {
         ("spring_deviation", s.spring_deviation, 0.0, 0.9),
         ("force_noise_n", s.force_noise_n, 0.0, 1e3),
         ("moment_noise_nm", s.moment_noise_nm, 0.0, 1e3),
+        (
+            "acceleration_noise_m_per_s2",
+            s.acceleration_noise_m_per_s2,
+            0.0,
+            10.0,
+        ),
         ("gauge_resolution_m", s.gauge_resolution_m, 1e-9, 1e-3),
         ("jump_force_n", s.jump_force_n, 1.0, 1e5),
         ("jump_gap_m", s.jump_gap_m, 0.0, 1e-2),

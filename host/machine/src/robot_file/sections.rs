@@ -11,6 +11,7 @@ use super::masses::MassKeys;
 use super::matrix;
 use super::position_loop::PositionLoopKeys;
 use super::read::Reader;
+use crate::accelerometer::{Accelerometer, MeasuredAxes};
 use crate::model::{CorrectionKind, WristJoint};
 
 /// Sections of every kind of machine.
@@ -188,6 +189,8 @@ pub struct Sensor {
     pub notch_q: f64,
     /// Samples that the tare averages.
     pub tare_samples: u32,
+    /// Accelerometer on the platform, if there is one; needs `[masses]`.
+    pub accelerometer: Option<AccelerometerKeys>,
 }
 
 /// Filter of the load.
@@ -224,6 +227,56 @@ pub struct ToolKeys {
     pub weight_n: [f64; 3],
     /// From the tool centre point to its centre of gravity, platform axes, m.
     pub centre_m: [f64; 3],
+}
+
+/// `[sensor.accelerometer]`: an accelerometer on the platform, which takes the tool's inertia out of
+/// the measured load.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AccelerometerKeys {
+    /// From the tool centre point to its place, platform axes, m.
+    pub place_m: [f64; 3],
+    /// Components that it measures: 3, the linear acceleration; 6, the angular one as well.
+    pub axes: u8,
+    /// Platform axes from its axes, by rows; absent: they are the same.
+    #[serde(default = "same_axes")]
+    pub rotation: [[f64; 3]; 3],
+    /// Share of the tool's inertia that is taken out of the load, 0 to 1.
+    #[serde(default = "default_share")]
+    pub share: f64,
+    /// It shows gravity, as +9.81 m/s^2 upwards; false for one without a steady part.
+    #[serde(default = "default_shows_gravity")]
+    pub gravity: bool,
+}
+
+/// Share of the tool's inertia that an accelerometer takes out of the load by default.
+pub const DEFAULT_SHARE: f64 = 0.9;
+
+fn default_share() -> f64 {
+    DEFAULT_SHARE
+}
+
+fn default_shows_gravity() -> bool {
+    true
+}
+
+fn same_axes() -> [[f64; 3]; 3] {
+    Matrix3::identity().into()
+}
+
+impl From<AccelerometerKeys> for Accelerometer {
+    fn from(keys: AccelerometerKeys) -> Self {
+        Self {
+            rotation: matrix(keys.rotation),
+            place_m: keys.place_m.into(),
+            axes: match keys.axes {
+                6 => MeasuredAxes::Six,
+                _ => MeasuredAxes::Three,
+            },
+            share: keys.share,
+            shows_gravity: keys.gravity,
+        }
+    }
 }
 
 impl From<ToolKeys> for sensor::Tool {
@@ -276,6 +329,11 @@ fn default_leave_on_oscillation() -> bool {
     true
 }
 
+/// Of a micromechanical accelerometer: 2 mg.
+fn default_acceleration_noise() -> f64 {
+    0.02
+}
+
 /// `[simulation]`: the simulated machine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -289,6 +347,10 @@ pub struct Simulation {
     pub force_noise_n: f64,
     /// Standard deviation of the sensor's moments, N m.
     pub moment_noise_nm: f64,
+    /// Standard deviation of the accelerometer's linear accelerations, m/s^2; of the angular ones ten
+    /// times as many rad/s^2.
+    #[serde(default = "default_acceleration_noise")]
+    pub acceleration_noise_m_per_s2: f64,
     /// One step of the length gauges, m.
     pub gauge_resolution_m: f64,
     /// Force in x at which the platform leaves cart 3, N.

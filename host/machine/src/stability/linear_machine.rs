@@ -28,7 +28,8 @@ pub struct LinearMachine<const N: usize> {
     pub(super) load_by_drive_rates: DMatrix<f64>,
     /// Stiffness of the springs of the axes.
     pub(super) axis_stiffness: [f64; N],
-    /// Mass matrix of the tool about the tool centre point, 6 x 6.
+    /// Mass matrix of the tool about the tool centre point, 6 x 6, as far as no accelerometer takes it
+    /// out of the reading.
     pub(super) tool: DMatrix<f64>,
     /// Load on the tool by places, 6 x (6 + N): that of a workpiece.
     pub(super) load_by_places: DMatrix<f64>,
@@ -68,7 +69,7 @@ impl<const N: usize> LinearMachine<N> {
             load_by_rates: drive_rates.transpose(),
             load_by_drive_rates: drive_rates.transpose() * &rigid,
             axis_stiffness,
-            tool: whole(&machine.masses.tool.mass_matrix(&pose.rotation)),
+            tool: whole(&machine.felt_tool(&pose.rotation)),
             load_by_places: DMatrix::zeros(6, 6 + N),
             correction: correction(&motion, &machine.compliance(pose, axes)?)?,
             modes,

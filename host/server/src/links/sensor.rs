@@ -7,10 +7,9 @@
 
 use std::io;
 
-use crate::links::{MAX_RECORD, Publisher, Record, RecordReader, fields, put_fields};
-
-/// Bytes of a record.
-const RECORD: usize = 56;
+use crate::links::{
+    MAX_RECORD, Publisher, Record, RecordReader, SIX_COMPONENTS, put_six_components, six_components,
+};
 
 /// One sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,25 +22,15 @@ pub struct Sample {
 
 impl Record for Sample {
     fn encode(&self, bytes: &mut [u8; MAX_RECORD]) -> usize {
-        put_fields(
-            bytes,
-            [self.tick.to_le_bytes()]
-                .into_iter()
-                .chain(self.wrench.map(f64::to_le_bytes)),
-        )
+        put_six_components(bytes, self.tick, &self.wrench)
     }
 
     fn expected(_: &[u8]) -> io::Result<usize> {
-        Ok(RECORD)
+        Ok(SIX_COMPONENTS)
     }
 
     fn decode(bytes: &[u8]) -> Self {
-        let mut fields = fields(bytes);
-        let tick = fields.next().map_or(0, u64::from_le_bytes);
-        let mut wrench = [0.0; 6];
-        for (value, field) in wrench.iter_mut().zip(fields) {
-            *value = f64::from_le_bytes(field);
-        }
+        let (tick, wrench) = six_components(bytes);
         Self { tick, wrench }
     }
 }

@@ -17,6 +17,7 @@ use super::ServerError;
 use super::connections::{Connections, Listen, Listening};
 use super::velocity_interface::{Followed, VelocityInterface, Written};
 use crate::black_box::swap_channel::Sender;
+use crate::links::accelerometer::{Acceleration, AccelerometerPublisher};
 use crate::links::sensor::{Sample, SensorPublisher};
 use crate::plant::{Plant, PlantFailure, Reading, VelocityPlant};
 use crate::publication::Publication;
@@ -46,6 +47,7 @@ pub struct Cycle<const N: usize, const M: usize, P: Plant<N, M>> {
     endpoint: Box<Endpoint<N, M>>,
     connections: Connections,
     sensor: Option<SensorPublisher>,
+    accelerometer: Option<AccelerometerPublisher>,
     sensors: Vec<Publication>,
     motors: MotorMap<N, M>,
     velocity: Option<VelocityInterface<N, M, P>>,
@@ -108,6 +110,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             endpoint: Box::new(Endpoint::new(session, motors, epochs)),
             connections,
             sensor: None,
+            accelerometer: None,
             sensors: Vec::new(),
             motors,
             velocity: None,
@@ -155,6 +158,13 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
     #[must_use]
     pub fn with_sensor(mut self, sensor: SensorPublisher) -> Self {
         self.sensor = Some(sensor);
+        self
+    }
+
+    /// Publishes the samples of the accelerometer.
+    #[must_use]
+    pub fn with_accelerometer(mut self, accelerometer: AccelerometerPublisher) -> Self {
+        self.accelerometer = Some(accelerometer);
         self
     }
 
@@ -328,6 +338,12 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
                 sensor.publish(&Sample {
                     tick: row.state.tick.0,
                     wrench: tool.sensor,
+                });
+            }
+            if let (Some(link), Some(components)) = (&mut self.accelerometer, tool.acceleration) {
+                link.publish(&Acceleration {
+                    tick: row.state.tick.0,
+                    components,
                 });
             }
             for port in &mut self.sensors {

@@ -15,7 +15,9 @@ fn at_home<K: MachineKind<N>, const N: usize>(
     change(&mut machine.masses);
     let home_q = robot.home_q().unwrap();
     let home = Equilibrium::at_home(robot.simulation.home_m);
-    let MassiveMachine { elastic, masses } = machine;
+    let MassiveMachine {
+        elastic, masses, ..
+    } = machine;
     let platform = MovingPlatform::at_rest(elastic, masses, &home, &home_q).unwrap();
     (platform, machine, home_q)
 }

@@ -162,6 +162,7 @@ impl Lockstep {
             server,
             transport,
             sensor,
+            accelerometer: None,
             robot: robot(),
             record: None,
             obtain: true,

@@ -219,6 +219,15 @@ fn setup<const N: usize>(
         "damping_ratio",
         json!(masses.damping_ratio),
     );
+    if let Some(accelerometer) = &machine.accelerometer {
+        let (share, axes) = (accelerometer.share, accelerometer.axes.count());
+        lines.add(
+            "accelerometer",
+            format!("of {axes} axes, takes out {} % of the inertia", share * 1e2),
+            "accelerometer",
+            json!({"axes": axes, "share": share}),
+        );
+    }
     let kind = &compensation.filter;
     let order = match kind {
         FilterKind::FirstOrder { .. } => "first order",

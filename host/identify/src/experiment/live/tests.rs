@@ -115,6 +115,7 @@ impl TestBench {
             server: self.server.address.into(),
             transport: Transport::Stream,
             sensor: self.sensor.into(),
+            accelerometer: None,
             gauges: Some(self.gauges.into()),
             obtain: false,
             is_unattended: true,
