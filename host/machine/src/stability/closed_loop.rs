@@ -10,7 +10,7 @@ use crate::drive_cascade::CYCLE_S;
 
 /// The loop of a compensation of first order.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Loop {
+pub struct Loop<const N: usize> {
     /// The machine with its drives.
     map: TickMap,
     /// `P`, N x 6.
@@ -31,11 +31,11 @@ pub struct Growth {
     pub hz: f64,
 }
 
-impl Loop {
+impl<const N: usize> Loop<N> {
     /// Loop of a machine: its reading goes through `filter`, and acts in the references
     /// `latency_cycles` after it.
     #[must_use]
-    pub fn new<const N: usize>(
+    pub fn new(
         machine: &LinearMachine<N>,
         map: TickMap,
         filter: Filter,
@@ -48,10 +48,6 @@ impl Loop {
             filter,
             latency_cycles,
         }
-    }
-
-    fn axes(&self) -> usize {
-        self.offsets.nrows()
     }
 
     /// Returns the growth of the closed loop: `ln(max |eigenvalue|)` of its map over a cycle, per
@@ -70,7 +66,7 @@ impl Loop {
     /// Returns the margin against any phase in free air. `None` if the eigenvalues are not found.
     #[must_use]
     pub fn margin(&self) -> Option<Margin> {
-        LoopGain::with(&self.map, &self.correction)?.margin(&self.filter)
+        LoopGain::<N>::with(&self.map, &self.correction)?.margin(&self.filter)
     }
 
     /// Matrix of the closed loop over a cycle, column by column.
@@ -91,7 +87,7 @@ impl Loop {
     #[must_use]
     pub fn start(&self) -> DVector<f64> {
         let per_axis = 2 * self.filter.order() + self.latency_cycles + 1;
-        DVector::zeros(self.map.state.nrows() + self.axes() * per_axis)
+        DVector::zeros(self.map.state.nrows() + N * per_axis)
     }
 
     /// Returns the closed loop a cycle after a state.
@@ -102,9 +98,8 @@ impl Loop {
         let own = state.rows(0, machine);
         let wanted = &self.offsets * own;
         let mut next = DVector::zeros(state.len());
-        let (mut previous, mut current) =
-            (DVector::zeros(self.axes()), DVector::zeros(self.axes()));
-        for axis in 0..self.axes() {
+        let (mut previous, mut current) = (DVector::zeros(N), DVector::zeros(N));
+        for axis in 0..N {
             let first = machine + axis * (rest + kept);
             let mut past: Vec<Past> = (0..self.filter.order())
                 .map(|section| {

@@ -1,6 +1,6 @@
 //! Choice of a filter, and of the largest tool, over the reach of a machine.
 
-use super::survey::Margins;
+use super::survey::{Margins, in_parallel};
 use super::{Compensation, FilterKind, Place, StabilitySurvey};
 use crate::dynamics::MassiveMachine;
 
@@ -12,8 +12,10 @@ const NOTCHES: [usize; 3] = [0, 1, 2];
 pub const SETTLED: f64 = 0.05;
 /// Heaviest tool that is looked for, kg.
 pub const MAX_TOOL_KG: f64 = 100.0;
-/// Halvings of the range of tools: to a percent of a kilogram.
-const HALVINGS: u32 = 14;
+/// Tools that are tried, at equal ratios down to 0.1 kg: a margin does not fall evenly with the mass.
+const TOOLS: u32 = 24;
+/// Halvings of the range between the last that suffices and the next: to a percent.
+const HALVINGS: u32 = 6;
 
 /// A filter that was tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,27 +71,34 @@ pub fn fastest(tried: &[TriedFilter]) -> Option<&TriedFilter> {
         .min_by(|one, other| one.settles_s.total_cmp(&other.settles_s))
 }
 
-/// Returns the mass of the heaviest tool whose margins suffice in these places, kg, up to
-/// [`MAX_TOOL_KG`]; `None` if no tool is light enough.
+/// Returns the largest mass of a tool up to which all that are tried have sufficient margins in these
+/// places, kg, up to [`MAX_TOOL_KG`]; `None` if no tool is light enough.
 #[must_use]
 pub fn heaviest_tool_kg<const N: usize>(
     machine: &MassiveMachine<N>,
     compensation: &Compensation<N>,
     places: &[&Place<N>],
 ) -> Option<f64> {
-    if suffices(machine, compensation, places, MAX_TOOL_KG) {
-        return Some(MAX_TOOL_KG);
-    }
-    let (mut lower, mut upper) = (0.0, MAX_TOOL_KG);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (lower + upper);
-        if suffices(machine, compensation, places, middle) {
-            lower = middle;
-        } else {
-            upper = middle;
+    let suffices = |mass_kg| suffices(machine, compensation, places, mass_kg);
+    let mut lower = None;
+    for step in (0..=TOOLS).rev() {
+        let mut upper = MAX_TOOL_KG * 1e-3_f64.powf(f64::from(step) / f64::from(TOOLS));
+        if suffices(upper) {
+            lower = Some(upper);
+            continue;
         }
+        let mut lower = lower?;
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (lower + upper);
+            if suffices(middle) {
+                lower = middle;
+            } else {
+                upper = middle;
+            }
+        }
+        return Some(lower);
     }
-    (lower > 0.0).then_some(lower)
+    lower
 }
 
 /// True if the margins suffice in these places with a tool of this mass, kg.
@@ -101,8 +110,9 @@ fn suffices<const N: usize>(
 ) -> bool {
     let mut machine = *machine;
     machine.masses.tool.mass_kg = mass_kg;
-    places.iter().all(|place| {
+    let judged = in_parallel(places, |place| {
         Place::of(&machine, &place.pose, &place.axes, compensation)
             .is_some_and(|place| place.margins.suffice())
-    })
+    });
+    judged.into_iter().all(|suffices| suffices)
 }

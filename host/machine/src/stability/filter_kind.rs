@@ -92,7 +92,7 @@ impl FilterKind {
     pub fn notches<const N: usize>(
         &self,
         machine: &LinearMachine<N>,
-        response: &LoopResponse,
+        response: &LoopResponse<N>,
     ) -> Option<Vec<Notch>> {
         let Self::Auto {
             cutoff_hz,

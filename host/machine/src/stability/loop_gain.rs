@@ -5,6 +5,7 @@
 //! once, and a filter is judged by multiplications.
 
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 use nalgebra::linalg::Hessenberg;
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
@@ -56,37 +57,48 @@ impl Margin {
 /// Spectral radii of a machine and its correction at one frequency.
 #[derive(Clone, Copy, Debug)]
 struct Radii {
-    hz: f64,
     /// Of the matrix.
     shared: f64,
     /// Of the magnitudes of its entries.
     per_axis: f64,
 }
 
+/// Response to one frequency, whose radii are found when they may be the largest.
+#[derive(Clone, Debug)]
+struct FrequencyResponse {
+    hz: f64,
+    /// Bound of both radii: the smaller of the largest sums of magnitudes over a row and a column.
+    bound: f64,
+    /// `None` if eigenvalues are not found.
+    radii: OnceLock<Option<Radii>>,
+}
+
 /// Response of a loop to a frequency, without filter and latency.
 #[derive(Clone, Debug)]
-pub struct LoopResponse {
-    /// `A` in Hessenberg form, which a frequency is solved fast with.
+pub struct LoopResponse<const N: usize> {
+    /// `A` in Hessenberg form, which a frequency is solved fast with; transposed.
     hessenberg: DMatrix<f64>,
-    previous: DMatrix<f64>,
-    current: DMatrix<f64>,
-    offsets: DMatrix<f64>,
+    /// `B_1` and `B_2`, by rows.
+    previous: Vec<[f64; N]>,
+    current: Vec<[f64; N]>,
+    /// `P H`, by columns.
+    offsets: Vec<[f64; N]>,
     /// `P` times the direct part of the reading, N x N.
     direct: DMatrix<f64>,
 }
 
 /// Gain of a loop over all frequencies, without filter and latency.
 #[derive(Clone, Debug)]
-pub struct LoopGain {
-    response: LoopResponse,
-    /// Ascending.
-    curve: Vec<Radii>,
+pub struct LoopGain<const N: usize> {
+    response: LoopResponse<N>,
+    /// Frequencies ascending.
+    curve: Vec<FrequencyResponse>,
 }
 
-impl LoopResponse {
+impl<const N: usize> LoopResponse<N> {
     /// Response of a machine's correction. `None` of a map that is not finite.
     #[must_use]
-    pub fn of<const N: usize>(machine: &LinearMachine<N>, map: &TickMap) -> Option<Self> {
+    pub fn of(machine: &LinearMachine<N>, map: &TickMap) -> Option<Self> {
         Self::with(map, &machine.correction)
     }
 
@@ -105,17 +117,23 @@ impl LoopResponse {
             for (mut row, factor) in scaled.row_iter_mut().zip(scale.iter()) {
                 row /= *factor;
             }
-            basis.tr_mul(&scaled)
+            let rows = basis.tr_mul(&scaled);
+            (rows.row_iter())
+                .map(|row| std::array::from_fn(|axis| row[axis]))
+                .collect()
         });
         for (mut column, factor) in offsets.column_iter_mut().zip(scale.iter()) {
             column *= *factor;
         }
+        let offsets = offsets * &basis;
         Some(Self {
             previous,
             current,
-            offsets: offsets * &basis,
+            offsets: (offsets.column_iter())
+                .map(|column| std::array::from_fn(|axis| column[axis]))
+                .collect(),
             direct: correction * &map.direct,
-            hessenberg,
+            hessenberg: hessenberg.transpose(),
         })
     }
 
@@ -131,10 +149,19 @@ impl LoopResponse {
         let per_axis = (eigenvalues::of_real(magnitudes)?.into_iter())
             .fold(0.0, |most: f64, value| most.max(value.modulus()));
         Some(Radii {
-            hz,
             shared: eigenvalues::spectral_radius(matrix)?,
             per_axis,
         })
+    }
+
+    fn bounded(&self, hz: f64) -> FrequencyResponse {
+        let magnitudes = self.at(hz).map(ComplexField::modulus);
+        let [rows, columns] = [magnitudes.column_sum(), magnitudes.row_sum_tr()];
+        FrequencyResponse {
+            hz,
+            bound: rows.max().min(columns.max()),
+            radii: OnceLock::new(),
+        }
     }
 
     /// Returns `P H (e^jw - A)^-1 (B_2 + B_1 e^-jw)`, N x N, with the drives that take a reference
@@ -143,19 +170,29 @@ impl LoopResponse {
         let (sin, cos) = (TAU * hz * CYCLE_S).sin_cos();
         let z = Complex::new(cos, sin);
         let back = z.inv();
-        let pushed = self.current.zip_map(&self.previous, |current, previous| {
-            back * previous + current
+        let pushed = self.current.iter().zip(&self.previous);
+        let pushed = pushed.map(|(current, previous)| ComplexRow {
+            real: std::array::from_fn(|axis| current[axis] + back.re * previous[axis]),
+            imaginary: previous.map(|previous| back.im * previous),
         });
-        let states = solve_shifted(&self.hessenberg, z, pushed);
+        let states = solve_shifted(&self.hessenberg, z, pushed.collect());
+        let mut moved = [ComplexRow::ZERO; N];
+        for (offsets, state) in self.offsets.iter().zip(&states) {
+            for (moved, offset) in moved.iter_mut().zip(offsets) {
+                moved.subtract(Complex::from(-offset), state);
+            }
+        }
         let earlier = Complex::from(1.0) - back;
-        self.offsets.map(Complex::from) * states + self.direct.map(|entry| earlier * entry)
+        DMatrix::from_fn(N, N, |row, column| {
+            moved[row].at(column) + earlier * self.direct[(row, column)]
+        })
     }
 }
 
-impl LoopGain {
+impl<const N: usize> LoopGain<N> {
     /// Gain of a machine's correction. `None` if eigenvalues are not found.
     #[must_use]
-    pub fn of<const N: usize>(machine: &LinearMachine<N>, map: &TickMap) -> Option<Self> {
+    pub fn of(machine: &LinearMachine<N>, map: &TickMap) -> Option<Self> {
         Self::with(map, &machine.correction)
     }
 
@@ -163,22 +200,22 @@ impl LoopGain {
     pub(super) fn with(map: &TickMap, correction: &DMatrix<f64>) -> Option<Self> {
         let response = LoopResponse::with(map, correction)?;
         let curve = (frequencies(&map.state)?.into_iter())
-            .map(|hz| response.radii(hz))
-            .collect::<Option<_>>()?;
+            .map(|hz| response.bounded(hz))
+            .collect();
         Some(Self { response, curve })
     }
 
     /// Returns the response to a frequency.
     #[must_use]
-    pub const fn response(&self) -> &LoopResponse {
+    pub const fn response(&self) -> &LoopResponse<N> {
         &self.response
     }
 
     /// Returns the margin of the loop with a filter. `None` if eigenvalues are not found.
     #[must_use]
     pub fn margin(&self, filter: &Filter) -> Option<Margin> {
-        let (most, hz) = self.peak(|radii| radii.shared * filter.gain(radii.hz))?;
-        let (most_per_axis, _) = self.peak(|radii| radii.per_axis * filter.gain(radii.hz))?;
+        let (most, hz) = self.peak(filter, |radii| radii.shared)?;
+        let (most_per_axis, _) = self.peak(filter, |radii| radii.per_axis)?;
         Some(Margin {
             any_phase: most.recip(),
             hz,
@@ -186,10 +223,25 @@ impl LoopGain {
         })
     }
 
-    /// Returns the largest value over all frequencies, and its frequency, Hz.
-    fn peak(&self, value: impl Fn(&Radii) -> f64) -> Option<(f64, f64)> {
-        let all = self.curve.iter().map(|radii| (value(radii), radii.hz));
-        all.max_by(|one, other| one.0.total_cmp(&other.0))
+    /// Returns the largest radius behind a filter over all frequencies, and its frequency, Hz. `None`
+    /// if eigenvalues are not found.
+    fn peak(&self, filter: &Filter, radius: impl Fn(&Radii) -> f64) -> Option<(f64, f64)> {
+        let mut all: Vec<(f64, &FrequencyResponse)> = (self.curve.iter())
+            .map(|at| (at.bound * filter.gain(at.hz), at))
+            .collect();
+        all.sort_by(|one, other| other.0.total_cmp(&one.0));
+        let (mut most, mut most_hz) = (0.0, f64::NAN);
+        for (bound, at) in all {
+            if bound <= most {
+                break;
+            }
+            let radii = (*at.radii.get_or_init(|| self.response.radii(at.hz)))?;
+            let behind = radius(&radii) * filter.gain(at.hz);
+            if behind > most {
+                (most, most_hz) = (behind, at.hz);
+            }
+        }
+        Some((most, most_hz))
     }
 }
 
@@ -218,41 +270,69 @@ fn frequencies(map: &DMatrix<f64>) -> Option<Vec<f64>> {
     Some(all)
 }
 
-/// Solves `(z - H) x = b`, of an upper Hessenberg matrix: an elimination with one row below each.
-fn solve_shifted(
+/// A row of `N` complex numbers, which are computed several at once.
+#[derive(Clone, Copy, Debug)]
+struct ComplexRow<const N: usize> {
+    real: [f64; N],
+    imaginary: [f64; N],
+}
+
+impl<const N: usize> ComplexRow<N> {
+    const ZERO: Self = Self {
+        real: [0.0; N],
+        imaginary: [0.0; N],
+    };
+
+    fn at(&self, column: usize) -> Complex<f64> {
+        Complex::new(self.real[column], self.imaginary[column])
+    }
+
+    /// Subtracts a multiple of another row.
+    fn subtract(&mut self, factor: Complex<f64>, other: &Self) {
+        for column in 0..N {
+            let (real, imaginary) = (other.real[column], other.imaginary[column]);
+            self.real[column] -= factor.re * real - factor.im * imaginary;
+            self.imaginary[column] -= factor.re * imaginary + factor.im * real;
+        }
+    }
+}
+
+/// Solves `(z - H) x = b` of an upper Hessenberg matrix, which is given transposed, so that its rows
+/// are contiguous: an elimination with one row below each.
+fn solve_shifted<const N: usize>(
     hessenberg: &DMatrix<f64>,
     z: Complex<f64>,
-    mut right: DMatrix<Complex<f64>>,
-) -> DMatrix<Complex<f64>> {
+    mut right: Vec<ComplexRow<N>>,
+) -> Vec<ComplexRow<N>> {
     let size = hessenberg.nrows();
     let mut left = hessenberg.map(|entry| Complex::from(-entry));
     for row in 0..size {
         left[(row, row)] += z;
     }
-    for row in 0..size.saturating_sub(1) {
-        let below = row + 1;
-        if left[(below, row)].norm_sqr() > left[(row, row)].norm_sqr() {
-            left.swap_rows(row, below);
-            right.swap_rows(row, below);
+    let left = left.as_mut_slice();
+    for row in 1..size {
+        let (above, below) = left.split_at_mut(row * size);
+        let above = &mut above[(row - 1) * size + row - 1..];
+        let below = &mut below[row - 1..size];
+        if below[0].norm_sqr() > above[0].norm_sqr() {
+            above.swap_with_slice(below);
+            right.swap(row - 1, row);
         }
-        let factor = left[(below, row)] / left[(row, row)];
-        for column in row..size {
-            let above = left[(row, column)];
-            left[(below, column)] -= factor * above;
+        let factor = below[0] / above[0];
+        for (entry, above) in below.iter_mut().zip(above.iter()) {
+            *entry -= factor * above;
         }
-        for column in 0..right.ncols() {
-            let above = right[(row, column)];
-            right[(below, column)] -= factor * above;
-        }
+        let above = right[row - 1];
+        right[row].subtract(factor, &above);
     }
     for row in (0..size).rev() {
-        for column in 0..right.ncols() {
-            let mut rest = right[(row, column)];
-            for inner in row + 1..size {
-                rest -= left[(row, inner)] * right[(inner, column)];
-            }
-            right[(row, column)] = rest / left[(row, row)];
+        let mut rest = right[row];
+        let entries = &left[row * size + row..(row + 1) * size];
+        for (entry, solved) in entries.iter().zip(&right[row..]).skip(1) {
+            rest.subtract(*entry, solved);
         }
+        right[row] = ComplexRow::ZERO;
+        right[row].subtract(-entries[0].inv(), &rest);
     }
     right
 }

@@ -57,7 +57,7 @@ pub struct Place<const N: usize> {
     pub margins: Margins,
     machine: LinearMachine<N>,
     map: TickMap,
-    gain: LoopGain,
+    gain: LoopGain<N>,
     filter: Filter,
 }
 
@@ -193,7 +193,7 @@ impl<const N: usize> Place<N> {
 /// Returns a kind of filter for a machine, and its margins. `None` if eigenvalues are not found.
 fn judge<const N: usize>(
     machine: &LinearMachine<N>,
-    gain: &LoopGain,
+    gain: &LoopGain<N>,
     kind: &FilterKind,
 ) -> Option<(Filter, Margins)> {
     let notches = kind.notches(machine, gain.response())?;
@@ -282,7 +282,7 @@ impl<const N: usize> StabilitySurvey<N> {
 }
 
 /// Returns a function's values in their order; the processors of this machine share the work.
-fn in_parallel<T: Sync, V: Send>(all: &[T], value: impl Fn(&T) -> V + Sync) -> Vec<V> {
+pub(super) fn in_parallel<T: Sync, V: Send>(all: &[T], value: impl Fn(&T) -> V + Sync) -> Vec<V> {
     let workers = thread::available_parallelism().map_or(1, NonZero::get);
     let value = &value;
     let mut shares: Vec<_> = thread::scope(|scope| {
