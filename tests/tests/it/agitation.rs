@@ -1,15 +1,27 @@
 //! The agitation budget over sockets: who shakes is ended, the machine makes no step, and the black
-//! box replays.
+//! box replays. A compensation that swings on a machine with mass is one who shakes.
+
+use std::sync::Arc;
 
 use gantry_tau::replay::Findings;
 use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::message::{Cause, Mode, Phase};
 use gantry_tau_core::control::session::config::Parameters;
 use gantry_tau_core::units::EpochRange;
+use gantry_tau_machine::masses::GRAVITY_M_PER_S2;
+use gantry_tau_machine::model::L2_MOTORS;
+use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
 use gantry_tau_record::black_box;
 use gantry_tau_server::black_box::HALF;
+use gantry_tau_server::links::sensor::SensorPublisher;
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_sim::load_generator::{Load, load_generator};
+use gantry_tau_sim::load_pattern::LoadPattern;
+use gantry_tau_sim::machine::SimulatedMachine;
+use gantry_tau_sim::workpiece::Workpiece;
+use gantry_tau_tests::client_session;
 use gantry_tau_tests::fake_plant::Bus;
-use gantry_tau_tests::server_fixture::{ServerFixture, parameters};
+use gantry_tau_tests::server_fixture::{LOOPBACK, ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::SessionFixture;
 
 /// Targets either side of zero, nm.
@@ -92,6 +104,100 @@ fn a_client_that_works_is_not_ended() {
             (row.state.phase, row.ended),
             (Phase::Obtain, None),
             "{tick}"
+        );
+    }
+}
+
+/// Ticks of Obtain before the load.
+const BEFORE: usize = 50;
+
+/// Set-up in which a filter of first order at 20 Hz swings.
+struct Swinging {
+    tool_kg: f64,
+    damping_ratio: f64,
+    /// It is pressed on a workpiece of 1e7 N/m; else tapped.
+    on_workpiece: bool,
+}
+
+/// Runs a client that does not watch itself, against a server with the budget of `l2.toml`. Returns
+/// the ticks from the load to the end, its cause, and the largest displacement of the tool, um.
+fn swings(set_up: &Swinging) -> (usize, Option<Cause>, f64) {
+    let mut robot = RobotFile::builtin_l2().unwrap();
+    robot.sensor.filter = Some(FilterKey::FirstOrder);
+    robot.sensor.cutoff_hz = 20.0;
+    robot.sensor.tare_samples = 50;
+    robot.sensor.tool.weight_n = [0.0, 0.0, -set_up.tool_kg * GRAVITY_M_PER_S2];
+    robot.client.leave_on_oscillation = false;
+    let masses = robot.masses.as_mut().unwrap();
+    masses.tool.mass_kg = set_up.tool_kg;
+    masses.damping_ratio = set_up.damping_ratio;
+    let (mut hand, tool) = load_generator();
+    let mut machine =
+        SimulatedMachine::<3, L2_MOTORS>::moving_from_robot(&robot, tool, Motion::Hold).unwrap();
+    if set_up.on_workpiece {
+        let home_m = &robot.simulation.home_m;
+        machine = machine.above(Workpiece::below(home_m, 1e7, 0.0, true).unwrap());
+    }
+    let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
+    let address = sensor.address().unwrap();
+    let cycle = client_session::cycle::<_, 3, L2_MOTORS, _>(&robot, machine).with_sensor(sensor);
+    let mut obtaining = 0;
+    let controls = Arc::default();
+    let (result, rows) = client_session::play(robot, cycle, address, &controls, |row| {
+        obtaining += usize::from(row.state.phase == Phase::Obtain);
+        if obtaining != BEFORE {
+            return;
+        }
+        if set_up.on_workpiece {
+            hand.set(&Load {
+                step: 1,
+                force_n: [0.0, 0.0, -100.0],
+                moment_nm: [0.0; 3],
+            })
+            .unwrap();
+        } else {
+            hand.begin(LoadPattern::Tap {
+                force_n: 100.0,
+                cycles: 20,
+                every_cycles: u32::MAX,
+            });
+        }
+    });
+    assert!(result.is_err());
+    let is_loaded = |load: [f64; 6]| load.iter().any(|part| part.abs() > 20.0);
+    let loaded = rows
+        .iter()
+        .position(|row| is_loaded(row.tool.unwrap().load));
+    let loaded = &rows[loaded.unwrap()..];
+    let moved_um = loaded.iter().map(|row| {
+        let [x, y, z] = row.tool.unwrap().displacement_m;
+        x.hypot(y).hypot(z) * 1e6
+    });
+    (
+        loaded.len(),
+        loaded.last().unwrap().ended,
+        moved_um.fold(0.0, f64::max),
+    )
+}
+
+/// With the budget of 100 um/s: 0.6 s at most.
+#[test]
+fn a_compensation_that_swings_is_ended() {
+    for (tool_kg, damping_ratio, on_workpiece) in [
+        (1.835, 0.01, false),
+        (5.0, 0.02, false),
+        (1.835, 0.02, true),
+    ] {
+        let (ticks, ended, moved_um) = swings(&Swinging {
+            tool_kg,
+            damping_ratio,
+            on_workpiece,
+        });
+        println!("{tool_kg} kg, {damping_ratio}: {ticks} ms, {moved_um:.0} um");
+        assert_eq!(ended, Some(Cause::Agitated));
+        assert!(
+            ticks <= 600 && moved_um < 200.0,
+            "{ticks} ms, {moved_um} um"
         );
     }
 }

@@ -316,6 +316,26 @@ fn every_error_names_its_key() {
             "cutoff_hz = 6.0\nnotch_q = 0.0",
             "sensor.notch_q",
         ),
+        (
+            "[sensor.tool]",
+            "[sensor.accelerometer]\nplace_m = [0.0, 0.0, 0.0]\naxes = 5\n[sensor.tool]",
+            "sensor.accelerometer.axes",
+        ),
+        (
+            "[sensor.tool]",
+            "[sensor.accelerometer]\nplace_m = [0.0, nan, 0.0]\naxes = 3\n[sensor.tool]",
+            "sensor.accelerometer.place_m[1]",
+        ),
+        (
+            "[sensor.tool]",
+            "[sensor.accelerometer]\nplace_m = [0.0, 0.0, 0.0]\naxes = 6\nshare = 1.1\n[sensor.tool]",
+            "sensor.accelerometer.share",
+        ),
+        (
+            "[sensor.tool]",
+            "[sensor.accelerometer]\nplace_m = [0.0, 0.0, 0.0]\naxes = 6\nrotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]\n[sensor.tool]",
+            "sensor.accelerometer.rotation",
+        ),
     ];
     let f1 = [
         ("sigma4 = -1", "sigma4 = 0", "sigma4"),
