@@ -13,9 +13,9 @@ pub const SETTLED: f64 = 0.05;
 /// Heaviest tool that is looked for, kg.
 pub const MAX_TOOL_KG: f64 = 100.0;
 /// Tools that are tried, at equal ratios down to 0.1 kg: a margin does not fall evenly with the mass.
-const TOOLS: u32 = 24;
+const TOOLS: u32 = 16;
 /// Halvings of the range between the last that suffices and the next: to a percent.
-const HALVINGS: u32 = 6;
+const HALVINGS: u32 = 5;
 
 /// A filter that was tried.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -26,7 +26,7 @@ pub(super) const DIRECTIONS: [(&str, [f64; 3]); 4] = [
     ("xz", [1.0, 0.0, 1.0]),
 ];
 /// Places with the least margins, in which the heaviest tool is looked for.
-const LEAST: usize = 2;
+const LEAST: usize = 6;
 
 /// A compensation that was judged.
 pub(super) struct Judged<'a, K, const N: usize> {
