@@ -25,19 +25,9 @@ impl RigidBody {
     #[must_use]
     pub fn mass_matrix(&self, rotation: &UnitQuaternion<f64>) -> Matrix6<f64> {
         let (centre_m, inertia) = self.in_world(rotation);
-        let lever = centre_m.cross_matrix();
-        let mut matrix = Matrix6::zeros();
-        let blocks = [
-            ((0, 0), Matrix3::identity() * self.mass_kg),
-            ((0, 3), lever * -self.mass_kg),
-            ((3, 0), lever * self.mass_kg),
-            ((3, 3), inertia - lever * lever * self.mass_kg),
-        ];
-        for (place, block) in blocks {
-            matrix
-                .fixed_view_mut::<3, 3>(place.0, place.1)
-                .copy_from(&block);
-        }
+        let mut matrix = point_mass_matrix(self.mass_kg, &centre_m);
+        let mut about_centre = matrix.fixed_view_mut::<3, 3>(3, 3);
+        about_centre += inertia;
         matrix
     }
 
@@ -78,6 +68,25 @@ impl RigidBody {
             matrix * self.inertia_kgm2 * matrix.transpose(),
         )
     }
+}
+
+/// Returns the mass matrix of a point at `lever_m` from the tool centre point, world axes:
+/// `m [1, -[l]; [l], -[l]^2]`.
+pub(crate) fn point_mass_matrix(mass_kg: f64, lever_m: &Vector3<f64>) -> Matrix6<f64> {
+    let lever = lever_m.cross_matrix();
+    let mut matrix = Matrix6::zeros();
+    let blocks = [
+        ((0, 0), Matrix3::identity() * mass_kg),
+        ((0, 3), lever * -mass_kg),
+        ((3, 0), lever * mass_kg),
+        ((3, 3), lever * lever * -mass_kg),
+    ];
+    for (place, block) in blocks {
+        matrix
+            .fixed_view_mut::<3, 3>(place.0, place.1)
+            .copy_from(&block);
+    }
+    matrix
 }
 
 /// Masses of a machine with `N` axes.

@@ -60,6 +60,8 @@ pub const MAX_CYCLES_PER_READ: u64 = 100;
 pub struct SimulatedMachine<const N: usize, const M: usize> {
     springs: TrueSprings<N>,
     motors: MotorMap<N, M>,
+    /// Number of motors of each axis.
+    motors_of_axis: [f64; N],
     drives: [Drive; M],
     /// Carts of the axes whose motors are bodies of their own.
     carts: [Option<Cart>; N],
@@ -142,6 +144,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         });
         let mut machine = Self {
             springs,
+            motors_of_axis: std::array::from_fn(|axis| motors_of(&motors, axis)),
             motors,
             drives,
             carts,
@@ -219,7 +222,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let held = moving.drive_loads(&motors);
         for (motor, drive) in self.drives.iter_mut().enumerate() {
             let axis = self.motors.axis_of_motor()[motor];
-            let motors = motors_of(&self.motors, axis);
+            let motors = self.motors_of_axis[axis];
             *drive = drive
                 .moving(masses.motors_kg[axis] / motors)
                 .holding(held[axis] / self.metres_per_q[axis] / motors);
@@ -295,18 +298,23 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
     }
 
     fn motor_load_n(&self, axis: usize) -> f64 {
-        self.axis_load_n(axis) / motors_of(&self.motors, axis)
+        self.axis_load_n(axis) / self.motors_of_axis[axis]
     }
 
     /// Returns the motion of the axes in front of their springs.
     fn motor_motion(&self) -> Motors<N> {
-        let motion: [(f64, f64); N] = std::array::from_fn(|axis| match &self.carts[axis] {
-            Some(cart) => cart.motion(),
-            None => (
-                drive::mean(self.drives_of(axis).map(Drive::position_m)),
-                drive::mean(self.drives_of(axis).map(Drive::velocity_m_per_s)),
-            ),
-        });
+        let mut motion = [(0.0, 0.0); N];
+        for (drive, &axis) in self.drives.iter().zip(self.motors.axis_of_motor()) {
+            motion[axis].0 += drive.position_m();
+            motion[axis].1 += drive.velocity_m_per_s();
+        }
+        for (axis, motion) in motion.iter_mut().enumerate() {
+            let motors = self.motors_of_axis[axis];
+            *motion = match &self.carts[axis] {
+                Some(cart) => cart.motion(),
+                None => (motion.0 / motors, motion.1 / motors),
+            };
+        }
         Motors {
             places: std::array::from_fn(|axis| motion[axis].0 / self.metres_per_q[axis]),
             rates: std::array::from_fn(|axis| motion[axis].1 / self.metres_per_q[axis]),
@@ -379,19 +387,21 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             .begin_cycle(self.springs.machine())
             .ok_or("the machine has no natural frequencies here")?;
         self.drives.iter_mut().for_each(Drive::begin);
-        let mut found = Vector6::zeros();
-        let mut accelerations = Vector6::zeros();
+        // A cutter shakes the tool, whose inertia at the end of a cycle is not its mean over the cycle.
+        let is_averaged = !self.samples_points && self.tool.changes_in_a_cycle();
+        let (mut found, mut accelerations) = (Vector6::zeros(), Vector6::zeros());
         for substep in 0..SUBSTEPS {
             let motors = self.motor_motion();
-            let held = moving.drive_loads(&motors);
-            let axis_loads_n = std::array::from_fn(|axis| held[axis] / self.metres_per_q[axis]);
             let mut load = load;
             let mut force_n = load.fixed_rows_mut::<3>(0);
             force_n += self.tool.beyond_mean_n(substep);
-            moving.step(&motors, &load, self.workpiece.as_ref());
+            let held = moving.step(&motors, &load, self.workpiece.as_ref());
+            let axis_loads_n = std::array::from_fn(|axis| held[axis] / self.metres_per_q[axis]);
             self.step_drives(substep, &axis_loads_n);
-            found += moving.sensor_load() / f64::from(SUBSTEPS);
-            accelerations += moving.accelerations() / f64::from(SUBSTEPS);
+            if is_averaged {
+                found += moving.sensor_load() / f64::from(SUBSTEPS);
+                accelerations += moving.accelerations() / f64::from(SUBSTEPS);
+            }
         }
         self.drives.iter_mut().for_each(Drive::end);
         self.stop_partners();
@@ -406,9 +416,8 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let beyond_n = self.tool.beyond_mean_n(SUBSTEPS - 1);
         let on_tool = moving.load().fixed_rows::<3>(0) - beyond_n;
         self.load.force_n = on_tool.into();
-        // A cutter shakes the tool, whose inertia at the end of a cycle is not its mean over the cycle.
-        if self.samples_points || !self.tool.changes_in_a_cycle() {
-            found = *moving.sensor_load();
+        if !is_averaged {
+            found = moving.sensor_load();
             accelerations = *moving.accelerations();
         }
         let found = Wrench::from_array(found.into());
@@ -431,7 +440,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         let axis_of_motor = self.motors.axis_of_motor();
         for (drive, &axis) in self.drives.iter_mut().zip(axis_of_motor) {
             if self.carts[axis].is_none() {
-                drive.step(substep, axis_loads_n[axis] / motors_of(&self.motors, axis));
+                drive.step(substep, axis_loads_n[axis] / self.motors_of_axis[axis]);
             }
         }
         for (axis, cart) in self.carts.iter_mut().enumerate() {

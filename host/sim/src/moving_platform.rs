@@ -49,8 +49,9 @@ pub struct MovingPlatform<const N: usize> {
     load: Vector6<f64>,
     tensions_n: Vector6<f64>,
     axis_loads: SVector<f64, N>,
-    sensor_load: Vector6<f64>,
     accelerations: Vector6<f64>,
+    /// At the beginning of the last step: orientation of the platform, and its angular velocity.
+    turning: (UnitQuaternion<f64>, Vector3<f64>),
 }
 
 /// Damping of what bends about one place.
@@ -125,8 +126,8 @@ impl<const N: usize> MovingPlatform<N> {
             load: Vector6::zeros(),
             tensions_n: Vector6::zeros(),
             axis_loads: SVector::zeros(),
-            sensor_load: Vector6::zeros(),
             accelerations: Vector6::zeros(),
+            turning: (pose.rotation, Vector3::zeros()),
             machine,
         };
         platform.begin_cycle(&elastic)?;
@@ -169,8 +170,10 @@ impl<const N: usize> MovingPlatform<N> {
     /// Returns the load that a force sensor with a known weight finds, about the tool centre point,
     /// world axes: the load on the tool less what the tool's motion takes.
     #[must_use]
-    pub const fn sensor_load(&self) -> &Vector6<f64> {
-        &self.sensor_load
+    pub fn sensor_load(&self) -> Vector6<f64> {
+        let (rotation, omega) = &self.turning;
+        let tool = &self.machine.masses.tool;
+        self.load - tool.inertial_load(rotation, &self.accelerations, omega)
     }
 
     /// Returns the acceleration of the tool centre point (m/s^2) and of the orientation (rad/s^2),
@@ -208,14 +211,21 @@ impl<const N: usize> MovingPlatform<N> {
         if self.damping.has_moved(axes) {
             self.damping = Damping::at(&self.machine, pose, axes)?;
         }
-        self.mobility = self.machine.mass_matrix(pose, axes).inverse()?;
-        self.free = self.machine.weight(pose, axes) - self.machine.velocity_forces(&self.state);
+        let (masses, free) = self.machine.inertia_and_weight(&self.state);
+        self.mobility = masses.inverse()?;
+        self.free = free;
         Some(())
     }
 
     /// Runs a step with the motors as they were at its beginning, under a load on the tool (N, N m
-    /// about the tool centre point, world axes) and, maybe, on a workpiece.
-    pub fn step(&mut self, motors: &Motors<N>, load: &Vector6<f64>, workpiece: Option<&Workpiece>) {
+    /// about the tool centre point, world axes) and, maybe, on a workpiece. Returns the load of each
+    /// axis on its drive at the beginning, along `+q`.
+    pub fn step(
+        &mut self,
+        motors: &Motors<N>,
+        load: &Vector6<f64>,
+        workpiece: Option<&Workpiece>,
+    ) -> SVector<f64, N> {
         let State { pose, axes, rates } = self.state;
         let mut load = *load;
         if let Some(workpiece) = workpiece {
@@ -226,7 +236,7 @@ impl<const N: usize> MovingPlatform<N> {
         self.tensions_n = self.machine.elastic.tensions_n(&lines.lengths_m);
         self.axis_loads = self.axis_springs(motors);
         let tensions_n = self.tensions_n + self.links_at_home_n;
-        let (damped, _) = self.damping.forces(&rates, &motors.rates.into());
+        let (damped, damped_drives) = self.damping.forces(&rates, &motors.rates.into());
         let forces = Coordinates {
             platform: product(&lines.matrix, &tensions_n) + load,
             axes: -transposed_product(&lines.drives, &tensions_n)
@@ -235,11 +245,10 @@ impl<const N: usize> MovingPlatform<N> {
         } + self.free
             + damped;
         let changes = self.mobility.times(&forces);
-        let omega = self.angular_velocity();
-        let tool = &self.machine.masses.tool;
-        self.sensor_load = load - tool.inertial_load(&pose.rotation, &changes.platform, &omega);
+        self.turning = (pose.rotation, self.angular_velocity());
         self.accelerations = changes.platform;
         self.state = moved(&self.state, &changes);
+        self.axis_loads + self.axes_at_home + damped_drives
     }
 }
 

@@ -92,3 +92,17 @@ fn a_machine_without_springs_has_no_compensator() {
         .failure(2);
     assert!(said.contains("beginning with a letter"), "{said}");
 }
+
+/// A program over the C interface has no accelerometer: the header says that its filter wants one.
+#[test]
+fn a_machine_with_an_accelerometer_says_so() {
+    let folder = Folder::new("header_accelerometer");
+    crate::masses::with_accelerometer(&folder);
+    folder.run(&["header", "--robot", "felt.toml"]).success();
+    let defined = "#define GANTRY_TAU_NEEDS_ACCELEROMETER 1\n";
+    assert!(folder.read("machine.h").contains(defined));
+    folder
+        .run(&["header", "--robot", "l2", "-o", "l2.h"])
+        .success();
+    assert!(!folder.read("l2.h").contains("ACCELEROMETER"));
+}

@@ -98,6 +98,49 @@ fn an_unstable_client_leaves_by_itself() {
     assert!(!said.contains("oscillat"), "{said}");
 }
 
+/// The L2 with an accelerometer of three axes at the centre of its tool, and a faster filter.
+pub(crate) fn with_accelerometer(folder: &Folder) {
+    let text = text_of("l2")
+        .unwrap()
+        .replace("cutoff_hz = 6.0", "cutoff_hz = 10.0");
+    let section = "[sensor.accelerometer]\nplace_m = [0.01, 0.0, -0.12]\naxes = 3\n\n[sensor.tool]";
+    folder.write("felt.toml", &text.replace("[sensor.tool]", section));
+}
+
+#[test]
+fn an_accelerometer_of_the_file_has_a_link_that_the_client_needs() {
+    let folder = Folder::new("masses-accelerometer");
+    with_accelerometer(&folder);
+    let robot = ["--robot", "felt.toml", "--record", "serve.csv"];
+    let served = [&robot[..], &["--accelerometer", "127.0.0.1:0"]].concat();
+    let (server, [address, sensor]) = serve_pulling(&folder, ["60", "1"], &served);
+    let link = address_behind(&server.stdout(), "accelerometer on ");
+    let arguments = [
+        "client",
+        &address,
+        "--sensor",
+        &sensor,
+        "--robot",
+        "felt.toml",
+    ];
+    let there = [&arguments[..], &["--accelerometer", &link]].concat();
+    let ended = after_six_seconds(&folder, folder.start("client", &there));
+    let said = ended.success();
+    assert!(
+        said.contains("(0 without a correction of their own"),
+        "{said}"
+    );
+    assert!(!said.contains("oscillat"), "{said}");
+    let elsewhere = [&arguments[..], &["--accelerometer", "127.0.0.1:1"]].concat();
+    let said = folder.run(&elsewhere).failure(3);
+    assert!(
+        said.contains("the accelerometer at 127.0.0.1:1 cannot be reached"),
+        "{said}"
+    );
+    server.stop().success();
+    assert_no_jump(&rows(&folder));
+}
+
 /// A client that does not leave is ended by the server's budget.
 #[test]
 fn a_client_that_shakes_the_machine_is_ended_by_the_server() {

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, Vector6};
 
 /// Rates of the coordinates, their derivatives, or the forces along them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,50 +111,6 @@ pub fn transposed_product<const R: usize, const C: usize>(
     matrix.data.0.each_ref().map(of_column).into()
 }
 
-/// Velocity of a point by the rates of the coordinates: `v = P nu_platform + A dq`, 3 x 6 and
-/// 3 x N.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PointJacobian<const N: usize> {
-    platform: SMatrix<f64, 3, 6>,
-    axes: SMatrix<f64, 3, N>,
-}
-
-impl<const N: usize> PointJacobian<N> {
-    /// Jacobian of a point that moves with the axes alone, by its slopes.
-    #[must_use]
-    pub fn on_axes(slopes: &[Vector3<f64>; N]) -> Self {
-        Self {
-            platform: SMatrix::zeros(),
-            axes: SMatrix::from_columns(slopes),
-        }
-    }
-
-    /// Jacobian of a point of the platform at `lever_m` from the tool centre point, world axes.
-    #[must_use]
-    pub fn on_platform(lever_m: &Vector3<f64>) -> Self {
-        let mut platform = SMatrix::<f64, 3, 6>::zeros();
-        platform
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&Matrix3::identity());
-        platform
-            .fixed_view_mut::<3, 3>(0, 3)
-            .copy_from(&-lever_m.cross_matrix());
-        Self {
-            platform,
-            axes: SMatrix::zeros(),
-        }
-    }
-
-    /// Returns the forces along the coordinates of a force on the point: `J^T f`.
-    #[must_use]
-    pub fn forces(&self, force_n: &Vector3<f64>) -> Coordinates<N> {
-        Coordinates {
-            platform: transposed_product(&self.platform, force_n),
-            axes: transposed_product(&self.axes, force_n),
-        }
-    }
-}
-
 /// A symmetric matrix over the coordinates, by blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoordinateMatrix<const N: usize> {
@@ -174,16 +130,6 @@ impl<const N: usize> CoordinateMatrix<N> {
             platform: Matrix6::zeros(),
             cross: SMatrix::zeros(),
             axes: SMatrix::zeros(),
-        }
-    }
-
-    /// Adds `factor (J_a^T J_b + J_b^T J_a) / 2` of two points.
-    pub fn add_product(&mut self, factor: f64, a: &PointJacobian<N>, b: &PointJacobian<N>) {
-        let half = 0.5 * factor;
-        for (one, other) in [(a, b), (b, a)] {
-            self.platform += one.platform.transpose() * other.platform * half;
-            self.cross += one.platform.transpose() * other.axes * half;
-            self.axes += one.axes.transpose() * other.axes * half;
         }
     }
 

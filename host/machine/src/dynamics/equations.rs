@@ -3,12 +3,12 @@
 use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{Matrix6, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
-use super::coordinates::{CoordinateMatrix, Coordinates, PointJacobian};
+use super::coordinates::{CoordinateMatrix, Coordinates};
 use crate::accelerometer::Accelerometer;
 use crate::elastic::backlash::Backlash;
 use crate::elastic::joints::{Joint, centripetal_m_per_s2, joints};
 use crate::elastic::{ElasticMachine, Pose};
-use crate::masses::{GRAVITY_M_PER_S2, Masses, RigidBody};
+use crate::masses::{GRAVITY_M_PER_S2, Masses, RigidBody, point_mass_matrix};
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
 
@@ -55,12 +55,37 @@ struct LinkEnds<const N: usize> {
 }
 
 impl<const N: usize> LinkEnds<N> {
-    /// Jacobians of the joint on cart or plate, and of that on the platform.
-    fn jacobians(&self) -> [PointJacobian<N>; 2] {
-        [
-            PointJacobian::on_axes(&self.joint.slopes),
-            PointJacobian::on_platform(&self.lever_m),
-        ]
+    /// Returns `J_A^T f_A + J_B^T f_B`: the forces along the coordinates of forces on the ends, on
+    /// cart or plate and on the platform.
+    fn forces(&self, on_axes_n: &Vector3<f64>, on_platform_n: &Vector3<f64>) -> Coordinates<N> {
+        let mut forces = Coordinates::<N>::zeros();
+        let moment = self.lever_m.cross(on_platform_n);
+        forces
+            .platform
+            .fixed_rows_mut::<3>(0)
+            .copy_from(on_platform_n);
+        forces.platform.fixed_rows_mut::<3>(3).copy_from(&moment);
+        for (force, slope) in forces.axes.iter_mut().zip(&self.joint.slopes) {
+            *force = slope.dot(on_axes_n);
+        }
+        forces
+    }
+
+    /// Adds a uniform rod, `m/3 (J_A^T J_A + J_B^T J_B) + m/6 (J_A^T J_B + J_B^T J_A)` of the
+    /// Jacobians of its ends, which is exact.
+    fn add_rod(&self, mass_kg: f64, matrix: &mut CoordinateMatrix<N>) {
+        let (third, sixth) = (mass_kg / 3.0, mass_kg / 6.0);
+        matrix.platform += point_mass_matrix(third, &self.lever_m);
+        for (axis, slope) in self.joint.slopes.iter().enumerate() {
+            let (force, moment) = (slope * sixth, self.lever_m.cross(slope) * sixth);
+            for row in 0..3 {
+                matrix.cross[(row, axis)] += force[row];
+                matrix.cross[(3 + row, axis)] += moment[row];
+            }
+            for (other, with) in self.joint.slopes.iter().enumerate() {
+                matrix.axes[(other, axis)] += slope.dot(with) * third;
+            }
+        }
     }
 }
 
@@ -107,25 +132,34 @@ impl<const N: usize> MassiveMachine<N> {
     }
 
     /// Returns the mass matrix with the machine in this place.
-    ///
-    /// A uniform rod has `m/3 (J_A^T J_A + J_B^T J_B) + m/6 (J_A^T J_B + J_B^T J_A)` of the
-    /// Jacobians of its ends, which is exact.
     #[must_use]
     pub fn mass_matrix(&self, pose: &Pose, axes: &[f64; N]) -> CoordinateMatrix<N> {
+        self.mass_matrix_of(&self.links(pose, axes), pose)
+    }
+
+    fn mass_matrix_of(&self, links: &[LinkEnds<N>; LINKS], pose: &Pose) -> CoordinateMatrix<N> {
         let mut matrix = CoordinateMatrix::zeros();
         for body in self.bodies() {
             matrix.platform += body.mass_matrix(&pose.rotation);
         }
-        for (link, mass_kg) in self.links(pose, axes).iter().zip(&self.masses.links_kg) {
-            let [on_axes, on_platform] = link.jacobians();
-            matrix.add_product(mass_kg / 3.0, &on_axes, &on_axes);
-            matrix.add_product(mass_kg / 3.0, &on_platform, &on_platform);
-            matrix.add_product(mass_kg / 3.0, &on_axes, &on_platform);
+        for (link, mass_kg) in links.iter().zip(&self.masses.links_kg) {
+            link.add_rod(*mass_kg, &mut matrix);
         }
         for (axis, inertia) in self.axis_inertia().iter().enumerate() {
             matrix.axes[(axis, axis)] += inertia;
         }
         matrix
+    }
+
+    /// Returns the mass matrix, and the weight less the forces that the motion takes.
+    #[must_use]
+    pub fn inertia_and_weight(&self, state: &State<N>) -> (CoordinateMatrix<N>, Coordinates<N>) {
+        let links = self.links(&state.pose, &state.axes);
+        let weight = self.weight_of(&links, &state.pose);
+        (
+            self.mass_matrix_of(&links, &state.pose),
+            weight - self.velocity_forces_of(&links, state),
+        )
     }
 
     /// Inertia of carts (along their guideways) and plates alone, in q-units of the axes.
@@ -143,12 +177,15 @@ impl<const N: usize> MassiveMachine<N> {
     /// Returns `h`: the forces that the motion takes at constant rates.
     #[must_use]
     pub fn velocity_forces(&self, state: &State<N>) -> Coordinates<N> {
+        self.velocity_forces_of(&self.links(&state.pose, &state.axes), state)
+    }
+
+    fn velocity_forces_of(&self, links: &[LinkEnds<N>; LINKS], state: &State<N>) -> Coordinates<N> {
         let omega = state.rates.platform.fixed_rows::<3>(3).into_owned();
         let mut forces = Coordinates::zeros();
         for body in self.bodies() {
             forces.platform += body.inertial_load(&state.pose.rotation, &Vector6::zeros(), &omega);
         }
-        let links = self.links(&state.pose, &state.axes);
         for (link, (ends, mass_kg)) in links.iter().zip(&self.masses.links_kg).enumerate() {
             let of_platform = omega.cross(&omega.cross(&ends.lever_m));
             let of_axes = centripetal_m_per_s2(
@@ -157,10 +194,11 @@ impl<const N: usize> MassiveMachine<N> {
                 &state.axes,
                 &state.rates.axes,
             );
-            let [on_axes, on_platform] = ends.jacobians();
             let (third, sixth) = (mass_kg / 3.0, mass_kg / 6.0);
-            forces += on_axes.forces(&(of_axes * third + of_platform * sixth));
-            forces += on_platform.forces(&(of_axes * sixth + of_platform * third));
+            forces += ends.forces(
+                &(of_axes * third + of_platform * sixth),
+                &(of_axes * sixth + of_platform * third),
+            );
         }
         forces
     }
@@ -168,6 +206,10 @@ impl<const N: usize> MassiveMachine<N> {
     /// Returns the weight of all parts; zero of a machine without it.
     #[must_use]
     pub fn weight(&self, pose: &Pose, axes: &[f64; N]) -> Coordinates<N> {
+        self.weight_of(&self.links(pose, axes), pose)
+    }
+
+    fn weight_of(&self, links: &[LinkEnds<N>; LINKS], pose: &Pose) -> Coordinates<N> {
         let mut forces = Coordinates::zeros();
         if !self.masses.has_weight {
             return forces;
@@ -176,10 +218,9 @@ impl<const N: usize> MassiveMachine<N> {
         for body in self.bodies() {
             forces.platform += body.weight(&pose.rotation, &field);
         }
-        for (link, mass_kg) in self.links(pose, axes).iter().zip(&self.masses.links_kg) {
-            for end in link.jacobians() {
-                forces += end.forces(&(field * (mass_kg / 2.0)));
-            }
+        for (link, mass_kg) in links.iter().zip(&self.masses.links_kg) {
+            let half_n = field * (mass_kg / 2.0);
+            forces += link.forces(&half_n, &half_n);
         }
         for arm in 0..ARMS {
             let guideway = self.elastic.geometry().guideways[arm];
@@ -225,9 +266,10 @@ impl<const N: usize> MassiveMachine<N> {
     ) -> Option<Acceleration<N>> {
         let State { pose, axes, rates } = state;
         let (tensions_n, springs) = self.spring_forces(pose, axes, drives);
-        let mut forces = springs + self.weight(pose, axes) - self.velocity_forces(state);
+        let (masses, free) = self.inertia_and_weight(state);
+        let mut forces = springs + free;
         forces.platform += load;
-        let changes = self.mass_matrix(pose, axes).solve(&forces)?;
+        let changes = masses.solve(&forces)?;
         let omega = rates.platform.fixed_rows::<3>(3).into_owned();
         let taken = self
             .masses

@@ -5,8 +5,10 @@ use gantry_tau_core::model::f1;
 use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS};
 use nalgebra::{Rotation3, SVector, Unit, Vector3};
 
-/// Index of `q_4` among the axes; `q_5` and `q_6` follow.
+/// Indices of `q_4` to `q_6` among the axes.
 const Q4: usize = 3;
+const Q5: usize = 4;
+const Q6: usize = 5;
 
 /// The joint of one link on its cart or plate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,14 +24,21 @@ pub struct Joint<const N: usize> {
 /// `[T 3.1.2]`. A machine of three axes keeps its plates at 0.
 #[must_use]
 pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
-    Plate::of(geometry, ARM_OF_LINK[link], q).joint(geometry, link, q)
+    Plate::of(geometry, ARM_OF_LINK[link], q)
+        .corner(geometry, link, q)
+        .joint()
 }
 
 /// Returns the joints of all links, link order, as [`joint`] does.
 #[must_use]
 pub fn joints<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Joint<N>; LINKS] {
-    let plates: [Plate<N>; ARMS] = std::array::from_fn(|arm| Plate::of(geometry, arm, q));
-    std::array::from_fn(|link| plates[ARM_OF_LINK[link]].joint(geometry, link, q))
+    let plates = plates(geometry, q);
+    std::array::from_fn(|link| plates[ARM_OF_LINK[link]].corner(geometry, link, q).joint())
+}
+
+/// Returns the plates of all arms.
+pub(super) fn plates<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Plate<N>; ARMS] {
+    std::array::from_fn(|arm| Plate::of(geometry, arm, q))
 }
 
 /// Returns the acceleration of the joint of `link` with the axes at `q` and moving at these rates,
@@ -55,51 +64,92 @@ pub fn centripetal_m_per_s2<const N: usize>(
 }
 
 /// The plate of an arm.
-struct Plate<const N: usize> {
+pub(super) struct Plate<const N: usize> {
     rotation: Rotation3<f64>,
     /// What each axis turns it about, world axes, rad per unit of `q`; zero of other axes.
     turns: [Vector3<f64>; N],
 }
 
+/// The joint of a link on its plate.
+pub(super) struct Corner<'a, const N: usize> {
+    plate: &'a Plate<N>,
+    arm: usize,
+    guideway: Vector3<f64>,
+    /// From the plate's origin, world axes, m.
+    lever_m: Vector3<f64>,
+    /// Position, world axes, m.
+    pub(super) place_m: Vector3<f64>,
+}
+
+impl<const N: usize> Corner<'_, N> {
+    /// Returns the derivative of the position by an axis, m per unit of `q`; `None` if the axis does
+    /// not move it.
+    #[inline]
+    pub(super) fn slope(&self, axis: usize) -> Option<Vector3<f64>> {
+        if axis == self.arm {
+            Some(self.guideway)
+        } else if turns_plate(self.arm, axis) {
+            Some(self.plate.turns[axis].cross(&self.lever_m))
+        } else {
+            None
+        }
+    }
+
+    fn joint(&self) -> Joint<N> {
+        Joint {
+            place_m: self.place_m,
+            slopes: std::array::from_fn(|axis| self.slope(axis).unwrap_or_default()),
+        }
+    }
+}
+
 impl<const N: usize> Plate<N> {
     /// Returns the joint of one of its links.
-    fn joint(&self, geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
+    #[inline]
+    pub(super) fn corner(
+        &self,
+        geometry: &f1::Geometry,
+        link: usize,
+        q: &[f64; N],
+    ) -> Corner<'_, N> {
         let arm = ARM_OF_LINK[link];
+        let guideway = geometry.guideways[arm];
         let lever_m = self.rotation * geometry.plate_joints_m[link];
-        Joint {
-            place_m: geometry.carts_m[arm] + geometry.guideways[arm] * q[arm] + lever_m,
-            slopes: std::array::from_fn(|axis| {
-                if axis == arm {
-                    geometry.guideways[arm]
-                } else {
-                    self.turns[axis].cross(&lever_m)
-                }
-            }),
+        Corner {
+            plate: self,
+            arm,
+            guideway,
+            lever_m,
+            place_m: geometry.carts_m[arm] + guideway * q[arm] + lever_m,
         }
     }
 
     fn of(geometry: &f1::Geometry, arm: usize, q: &[f64; N]) -> Self {
-        let [q4, q5, q6] = [0, 1, 2].map(|plate| q.get(Q4 + plate).copied().unwrap_or(0.0));
-        let turn_axis = Unit::new_normalize(geometry.turn_axis);
-        let tilt_axis = Unit::new_normalize(geometry.tilt_axis);
-        let [sign_2, sign_3] = geometry.turn_signs.map(|branch| branch.sign());
-        let (turn, tilt) = match arm {
-            1 => (sign_2 * q4, 0.0),
-            2 => (sign_3 * q5, q6),
-            _ => (0.0, 0.0),
+        let mut plate = Self {
+            rotation: Rotation3::identity(),
+            turns: [Vector3::zeros(); N],
         };
-        let turned = Rotation3::from_axis_angle(&turn_axis, turn);
-        let tilted = Rotation3::from_axis_angle(&tilt_axis, tilt);
-        Self {
-            rotation: turned * tilted,
-            turns: std::array::from_fn(|axis| match (arm, axis) {
-                (1, Q4) => turn_axis.into_inner() * sign_2,
-                (2, 4) => turn_axis.into_inner() * sign_3,
-                (2, 5) => turned * tilt_axis.into_inner(),
-                _ => Vector3::zeros(),
-            }),
+        for (axis, angle) in q.iter().enumerate() {
+            if !turns_plate(arm, axis) {
+                continue;
+            }
+            let (about, sign) = match axis {
+                Q4 => (geometry.turn_axis, geometry.turn_signs[0].sign()),
+                Q5 => (geometry.turn_axis, geometry.turn_signs[1].sign()),
+                _ => (geometry.tilt_axis, 1.0),
+            };
+            let about = Unit::new_normalize(about);
+            // A later axis is carried by those before it.
+            plate.turns[axis] = plate.rotation * about.into_inner() * sign;
+            plate.rotation *= Rotation3::from_axis_angle(&about, sign * angle);
         }
+        plate
     }
+}
+
+/// True for an axis that turns the plate of an arm.
+const fn turns_plate(arm: usize, axis: usize) -> bool {
+    matches!((arm, axis), (1, Q4) | (2, Q5 | Q6))
 }
 
 #[cfg(test)]

@@ -19,12 +19,12 @@ use std::fmt;
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::Pose as RigidPose;
-use gantry_tau_core::model::robot::LINKS;
+use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::{Matrix6, Matrix6x3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::backlash::Backlash;
 use super::compliances::RawCompliances;
-use super::joints::{Joint, joint, joints};
+use super::joints::{Joint, joint, plates};
 
 /// The search ends when no step is larger than this, in metres and in radians.
 pub const STEP_TOLERANCE: f64 = 1e-13;
@@ -305,7 +305,10 @@ impl<const N: usize> ElasticMachine<N> {
             matrix: Matrix6::zeros(),
             drives: SMatrix::zeros(),
         };
-        for (link, joint) in joints(&self.geometry, &(*axes).into()).iter().enumerate() {
+        let q = &axes.data.0[0];
+        let plates = plates(&self.geometry, q);
+        for (link, arm) in ARM_OF_LINK.into_iter().enumerate() {
+            let joint = plates[arm].corner(&self.geometry, link, q);
             let lever = pose.rotation * self.geometry.platform_joints_m[link];
             let vector = joint.place_m - (pose.translation_m + lever);
             lines.lengths_m[link] = vector.norm();
@@ -319,8 +322,10 @@ impl<const N: usize> ElasticMachine<N> {
                 .matrix
                 .fixed_view_mut::<3, 1>(3, link)
                 .copy_from(&moment);
-            for (axis, slope) in joint.slopes.iter().enumerate() {
-                lines.drives[(link, axis)] = direction.dot(slope);
+            for axis in 0..N {
+                if let Some(slope) = joint.slope(axis) {
+                    lines.drives[(link, axis)] = direction.dot(&slope);
+                }
             }
         }
         lines
