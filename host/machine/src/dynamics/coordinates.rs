@@ -101,14 +101,13 @@ pub fn transposed_product<const R: usize, const C: usize>(
     matrix: &SMatrix<f64, R, C>,
     vector: &SVector<f64, R>,
 ) -> SVector<f64, C> {
-    let of_column = |column: &[f64; R]| {
-        let mut sum = 0.0;
+    let mut sums = [0.0; C];
+    for (sum, column) in sums.iter_mut().zip(&matrix.data.0) {
         for (entry, factor) in column.iter().zip(&vector.data.0[0]) {
-            sum += entry * factor;
+            *sum += entry * factor;
         }
-        sum
-    };
-    matrix.data.0.each_ref().map(of_column).into()
+    }
+    sums.into()
 }
 
 /// A symmetric matrix over the coordinates, by blocks.

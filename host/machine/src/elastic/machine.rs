@@ -311,8 +311,9 @@ impl<const N: usize> ElasticMachine<N> {
             let joint = plates[arm].corner(&self.geometry, link, q);
             let lever = pose.rotation * self.geometry.platform_joints_m[link];
             let vector = joint.place_m - (pose.translation_m + lever);
-            lines.lengths_m[link] = vector.norm();
-            let direction = vector.normalize();
+            let length_m = vector.norm();
+            lines.lengths_m[link] = length_m;
+            let direction = vector / length_m;
             let moment = lever.cross(&direction);
             lines
                 .matrix
