@@ -670,7 +670,7 @@ fn positions_nm<const N: usize>(
     Ok(positions)
 }
 
-fn without_offsets(position: PositionNm) -> Reference {
+pub(crate) fn without_offsets(position: PositionNm) -> Reference {
     Reference {
         position,
         velocity_offset: VelocityUmS(0),

@@ -111,6 +111,10 @@ pub(crate) fn with_accelerometer(folder: &Folder) {
 fn an_accelerometer_of_the_file_has_a_link_that_the_client_needs() {
     let folder = Folder::new("masses-accelerometer");
     with_accelerometer(&folder);
+    let said = folder.run(&["robot", "check", "felt.toml"]).success();
+    let line =
+        "accelerometer         10.0, 0.0, -120.0 mm from the tool centre point, 3 axes; takes 90 %";
+    assert!(said.contains(line), "{said}");
     let robot = ["--robot", "felt.toml", "--record", "serve.csv"];
     let served = [&robot[..], &["--accelerometer", "127.0.0.1:0"]].concat();
     let (server, [address, sensor]) = serve_pulling(&folder, ["60", "1"], &served);

@@ -5,7 +5,7 @@ use gantry_tau_core::control::session::config::{AxisConfig, Travel};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{CorrectionKind, RobotFile, RobotFileError};
+use gantry_tau_machine::robot_file::{CorrectionKind, FeedForwardKey, RobotFile, RobotFileError};
 use gantry_tau_machine::stability::FilterKind;
 use gantry_tau_machine::workspace::Surveyor;
 use nalgebra::Vector3;
@@ -208,8 +208,8 @@ fn filter(filter: &FilterKind) -> String {
     }
 }
 
-/// Force sensor, tool, and what the client makes of them.
-fn sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> [String; 3] {
+/// Force sensor, accelerometer, tool, and what the client makes of them.
+fn sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<String> {
     let sensor = &robot.sensor;
     let mounted = format!(
         "{} mm from the tool centre point; low-pass {}, tare over {} samples",
@@ -231,12 +231,27 @@ fn sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> [String; 3] {
         CorrectionKind::FirstOrder => "to first order",
         CorrectionKind::Exact => "exact",
     };
-    let client = format!("gain {}, corrections {method}", robot.client.gain);
-    [
-        line("sensor", &mounted),
-        line("tool", &tool),
-        line("client", &client),
-    ]
+    let feed_forward = match robot.client.feed_forward {
+        FeedForwardKey::None => "",
+        FeedForwardKey::Inertia => ", feed-forward of inertia",
+        FeedForwardKey::InertiaAndTorque => ", feed-forward of inertia and torque",
+    };
+    let client = format!(
+        "gain {}, corrections {method}{feed_forward}",
+        robot.client.gain
+    );
+    let mut lines = vec![line("sensor", &mounted)];
+    if let Some(accelerometer) = &sensor.accelerometer {
+        let text = format!(
+            "{} mm from the tool centre point, {} axes; takes {} % of the tool's inertia out of the load",
+            list(&accelerometer.place_m, 1e3, 1),
+            accelerometer.axes,
+            accelerometer.share * 1e2
+        );
+        lines.push(line("accelerometer", &text));
+    }
+    lines.extend([line("tool", &tool), line("client", &client)]);
+    lines
 }
 
 fn drives<K, const N: usize>(robot: &RobotFile<K, N>) -> Vec<String> {
