@@ -100,11 +100,16 @@ fn an_unstable_client_leaves_by_itself() {
 
 /// The L2 with an accelerometer of three axes at the centre of its tool, and a faster filter.
 pub(crate) fn with_accelerometer(folder: &Folder) {
-    let text = text_of("l2")
-        .unwrap()
-        .replace("cutoff_hz = 6.0", "cutoff_hz = 10.0");
-    let section = "[sensor.accelerometer]\nplace_m = [0.01, 0.0, -0.12]\naxes = 3\n\n[sensor.tool]";
-    folder.write("felt.toml", &text.replace("[sensor.tool]", section));
+    let mut text = text_of("l2").unwrap();
+    let section = "\n[sensor.accelerometer]\nplace_m = [0.01, 0.0, -0.12]\naxes = 3\n";
+    for (from, to) in [
+        ("cutoff_hz = 6.0", "cutoff_hz = 10.0"),
+        ("\n[sensor.tool]\n", &format!("{section}\n[sensor.tool]\n")),
+    ] {
+        assert_eq!(text.matches(from).count(), 1, "{from}");
+        text = text.replace(from, to);
+    }
+    folder.write("felt.toml", &text);
 }
 
 #[test]
