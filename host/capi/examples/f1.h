@@ -115,7 +115,7 @@ static const gt_sensor_config f1_sensor = {
 };
 
 /* Frequencies of the notches of the force sensor's filter with the tool at home, Hz, for gt_sensor_set_notches; 0: no notch. */
-static const double f1_notches_hz[3] = {6.82358172944745, 7.830587516126713, 9.981311834827395};
+static const double f1_notches_hz[3] = {6.82358172944715, 7.830587516126775, 9.981311834828205};
 /* Their Q. */
 #define F1_NOTCH_Q 0.8
 

@@ -92,7 +92,7 @@ static const gt_sensor_config l2_sensor = {
 };
 
 /* Frequencies of the notches of the force sensor's filter with the tool at home, Hz, for gt_sensor_set_notches; 0: no notch. */
-static const double l2_notches_hz[3] = {20.71108278161828, 57.61896771642342, 0.0};
+static const double l2_notches_hz[3] = {20.711082781618327, 57.61896771642341, 0.0};
 /* Their Q. */
 #define L2_NOTCH_Q 0.7
 
