@@ -176,3 +176,56 @@ fn blocks_solve_as_the_whole_matrix() {
     assert!((found - &whole).amax() < 1e-12 * whole.amax());
     assert_eq!(CoordinateMatrix::from_matrix(&mass.to_matrix()), mass);
 }
+
+/// Energy of the springs, `(length - rest)^2 / 2c` of each link and `(q - theta)^2 / 2c` of each axis.
+fn elastic_j<const N: usize>(
+    machine: &MassiveMachine<N>,
+    pose: &Pose,
+    axes: &[f64; N],
+    drives: &[f64; N],
+) -> f64 {
+    let compliances = machine.elastic.compliances();
+    let lengths_m = machine.elastic.lines(&SVector::from(*axes), pose).lengths_m;
+    let rests_m = machine.elastic.geometry().lengths_m;
+    let links = (0..6)
+        .map(|link| (lengths_m[link] - rests_m[link]).powi(2) / compliances.links_m_per_n[link]);
+    let springs = (0..N).map(|axis| (axes[axis] - drives[axis]).powi(2) / compliances.axes[axis]);
+    0.5 * links.chain(springs).sum::<f64>()
+}
+
+/// The forces of the springs are the slopes of their energy, against central differences of 1 um and
+/// 1 urad: the third derivative leaves less than a millionth.
+fn springs_release_their_energy<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) {
+    let (machine, mut pose, mut axes) = at_home(robot);
+    let drives = axes;
+    // 100 N and more in every spring.
+    pose.translation_m += Vector3::new(1e-4, -2e-4, 1.5e-4);
+    for (axis, place) in axes.iter_mut().enumerate() {
+        *place += [2e-5, -3e-5, 4e-5][axis % 3];
+    }
+    let (_, forces) = machine.spring_forces(&pose, &axes, &drives);
+    for coordinate in 0..6 + N {
+        let mut rates = Coordinates::zeros();
+        match coordinate {
+            0..6 => rates.platform[coordinate] = 1.0,
+            _ => rates.axes[coordinate - 6] = 1.0,
+        }
+        let energy_j = |s: f64| {
+            let state = State { pose, axes, rates };
+            let moved = after(&state, &Coordinates::zeros(), s);
+            elastic_j(&machine, &moved.pose, &moved.axes, &drives)
+        };
+        let slope = (energy_j(1e-6) - energy_j(-1e-6)) / 2e-6;
+        let along = dot(&forces, &rates);
+        assert!(
+            (along + slope).abs() < 1e-5 * along.abs().max(10.0),
+            "{along} {slope}"
+        );
+    }
+}
+
+#[test]
+fn springs_release_their_energy_on_both_machines() {
+    springs_release_their_energy(&RobotFile::builtin_l2().unwrap());
+    springs_release_their_energy(&RobotFile::builtin_f1().unwrap());
+}

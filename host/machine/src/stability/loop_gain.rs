@@ -336,3 +336,40 @@ fn solve_shifted<const N: usize>(
     }
     right
 }
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_core::model::kinematics::Pose as RigidPose;
+
+    use super::super::NotchFinder;
+    use super::*;
+    use crate::elastic::Pose;
+    use crate::robot_file::RobotFile;
+
+    /// Against the largest radius of all frequencies.
+    #[test]
+    fn no_frequency_is_overlooked_for_its_bound() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let finder = NotchFinder::of(&robot).unwrap();
+        let home = Pose::from(&RigidPose::at(robot.home_m()));
+        let machine = LinearMachine::at(&finder.machine, &home, &robot.home_q().unwrap()).unwrap();
+        let gain = LoopGain::of(&machine, &TickMap::of(&machine, &finder.drives)).unwrap();
+        for filter in [
+            Filter::first_order(20.0),
+            Filter::butterworth(6.0),
+            Filter::butterworth(6.0).with_notch(20.7, 0.7),
+            Filter::butterworth(100.0).with_notch(57.6, 0.7),
+        ] {
+            let mut most = [0.0; 2];
+            for at in &gain.curve {
+                let radii = gain.response.radii(at.hz).unwrap();
+                let behind = filter.gain(at.hz);
+                most[0] = f64::max(most[0], radii.shared * behind);
+                most[1] = f64::max(most[1], radii.per_axis * behind);
+            }
+            let margin = gain.margin(&filter).unwrap();
+            assert!((margin.any_phase * most[0] - 1.0).abs() < 1e-12);
+            assert!((margin.phase_per_axis * most[1] - 1.0).abs() < 1e-12);
+        }
+    }
+}

@@ -348,3 +348,31 @@ fn softness<const N: usize>(
         part.symmetric_eigenvalues().max()
     }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_margin_is_required() {
+        let margins = |exact, wrong, per_axis| {
+            let margin = |any_phase, phase_per_axis| Margin {
+                any_phase,
+                hz: 10.0,
+                phase_per_axis,
+            };
+            Margins {
+                exact: margin(exact, 0.1),
+                wrong_modes: margin(wrong, per_axis),
+            }
+        };
+        assert!(margins(2.0, 2.0, 1.0).suffice());
+        for missing in [
+            margins(1.9, 2.0, 1.0),
+            margins(2.0, 1.9, 1.0),
+            margins(2.0, 2.0, 0.9),
+        ] {
+            assert!(!missing.suffice(), "{missing:?}");
+        }
+    }
+}
