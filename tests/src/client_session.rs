@@ -48,7 +48,7 @@ impl From<SocketAddr> for Instruments {
     }
 }
 
-/// Runs a client, whatever its margin of stability, which reads its instruments at these addresses, until its session has ended; `each` sees
+/// Runs a client, with any margin of stability, which reads its instruments at these addresses, until its session has ended; `each` sees
 /// every row of the server. Returns the client's result and the rows.
 pub fn play<K, const N: usize, const M: usize, P>(
     robot: RobotFile<K, N>,

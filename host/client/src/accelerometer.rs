@@ -31,7 +31,7 @@ pub enum AccelerometerError {
     NotAtRest {
         /// Mean of the tare, m/s^2, its axes.
         shown: [f64; 3],
-        /// What one without a zero error shows.
+        /// Sample of one without a zero error, m/s^2.
         expected: [f64; 3],
     },
 }
@@ -91,7 +91,7 @@ impl MeasuredInertia {
             .tool_load(&self.tool, &(sample - zero), platform))
     }
 
-    /// What it shows at rest, without a zero error.
+    /// Sample at rest, without a zero error.
     fn at_rest(&self, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
         self.accelerometer
             .seen(&Vector6::zeros(), &Vector3::zeros(), platform)

@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
+use crate::halves::{halves, joined};
 use crate::masses::{GRAVITY_M_PER_S2, RigidBody};
 
 /// Components that an accelerometer measures.
@@ -37,7 +38,7 @@ pub struct Accelerometer {
     pub rotation: Matrix3<f64>,
     /// From the tool centre point to its place, platform axes, m.
     pub place_m: Vector3<f64>,
-    /// What it measures.
+    /// Measured components.
     pub axes: MeasuredAxes,
     /// Share of the inertia that is taken out, 0 to 1. All of it would leave no margin for a tool
     /// that is lighter than in the file.
@@ -125,18 +126,6 @@ impl Accelerometer {
             false => Vector3::zeros(),
         }
     }
-}
-
-/// Linear and angular half.
-fn halves(both: &Vector6<f64>) -> [Vector3<f64>; 2] {
-    [0, 3].map(|row| both.fixed_rows::<3>(row).into_owned())
-}
-
-fn joined(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
-    let mut both = Vector6::zeros();
-    both.fixed_rows_mut::<3>(0).copy_from(linear);
-    both.fixed_rows_mut::<3>(3).copy_from(angular);
-    both
 }
 
 #[cfg(test)]

@@ -48,6 +48,7 @@ pub mod dynamics;
 pub mod elastic;
 pub mod encoder_scale;
 pub mod figure;
+mod halves;
 pub mod masses;
 pub mod model;
 pub mod robot_file;

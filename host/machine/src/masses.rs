@@ -3,6 +3,8 @@
 use gantry_tau_core::model::robot::{ARMS, LINKS};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
+use crate::halves::{halves, joined};
+
 /// Acceleration of free fall, m/s^2, along -z of the world.
 pub const GRAVITY_M_PER_S2: f64 = 9.806_65;
 /// Plates of a machine with six axes.
@@ -232,17 +234,4 @@ fn is_inertia(matrix: &Matrix3<f64>) -> bool {
     }
     let moments = matrix.symmetric_eigenvalues();
     moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() + TOLERANCE * largest
-}
-
-/// Force and moment, or the linear and the angular half.
-fn halves(both: &Vector6<f64>) -> [Vector3<f64>; 2] {
-    [0, 3].map(|row| both.fixed_rows::<3>(row).into_owned())
-}
-
-/// Both halves.
-fn joined(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
-    let mut both = Vector6::zeros();
-    both.fixed_rows_mut::<3>(0).copy_from(force);
-    both.fixed_rows_mut::<3>(3).copy_from(moment);
-    both
 }

@@ -43,8 +43,8 @@ pub use problems::{Problem, Problems};
 use read::GEOMETRY;
 use sections::Sections;
 pub use sections::{
-    AccelerometerKeys, ClientKeys, DEFAULT_NOTCH_Q, DEFAULT_NOTCHES, DEFAULT_SHARE, FeedForwardKey,
-    FilterKey, Motors, Sensor, Simulation, ToolKeys,
+    AccelerometerKeys, ClientKeys, DEFAULT_NOTCH_Q, DEFAULT_NOTCHES, FeedForwardKey, FilterKey,
+    Motors, Sensor, Simulation, ToolKeys,
 };
 
 /// The text of `robots/l2.toml`.

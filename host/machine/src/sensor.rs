@@ -3,6 +3,7 @@
 use gantry_tau_core::model::sensor::{SensorConfig, Tool};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector6};
 
+use crate::halves::{halves, joined};
 use crate::robot_file::{CYCLE_US, RobotFile, Sensor};
 use crate::stability::FilterKind;
 
@@ -52,8 +53,7 @@ impl Mounting {
     /// sensor's axes, about its origin, with the platform turned by `platform` (platform to world).
     #[must_use]
     pub fn seen(&self, load: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
-        let [load_n, load_nm] =
-            [0, 3].map(|row| platform.inverse() * load.fixed_rows::<3>(row).into_owned());
+        let [load_n, load_nm] = halves(load).map(|half| platform.inverse() * half);
         let weight_n = platform.inverse() * self.weight_n;
         let force = load_n + weight_n;
         let moment = load_nm + self.centre_m.cross(&weight_n);
@@ -80,19 +80,11 @@ impl Mounting {
     /// [`seen`](Self::seen).
     #[must_use]
     pub fn load(&self, seen: &Vector6<f64>, platform: &UnitQuaternion<f64>) -> Vector6<f64> {
-        let [force, moment] = [0, 3].map(|row| self.rotation * seen.fixed_rows::<3>(row));
+        let [force, moment] = halves(seen).map(|half| self.rotation * half);
         let weight_n = platform.inverse() * self.weight_n;
         let load_nm = moment + self.lever_m.cross(&force) - self.centre_m.cross(&weight_n);
         joined(&(platform * (force - weight_n)), &(platform * load_nm))
     }
-}
-
-/// Force, then moment.
-fn joined(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
-    let mut wrench = Vector6::zeros();
-    wrench.fixed_rows_mut::<3>(0).copy_from(force);
-    wrench.fixed_rows_mut::<3>(3).copy_from(moment);
-    wrench
 }
 
 #[cfg(test)]

@@ -5,67 +5,26 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use gantry_tau_client::{ClientControls, ClientError};
-use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_machine::model::{L2, L2_MOTORS};
 use gantry_tau_machine::robot_file::{AccelerometerKeys, RobotFile};
 use gantry_tau_server::links::accelerometer::{Acceleration, AccelerometerPublisher};
 use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
+use gantry_tau_server::plant::Reading;
 use gantry_tau_server::plant::interpolator::Motion;
-use gantry_tau_server::plant::{Plant, PlantError, Reading};
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_tests::client_session::{self, Instruments};
 use gantry_tau_tests::server_fixture::LOOPBACK;
+
+use super::liar::Liar;
 
 /// Tick from which on it lies; the tare is done, and the offsets act.
 const LATER: u64 = 500;
 
 /// A sample of each tick, by the honest one.
 type Lie = fn(Acceleration) -> Option<Acceleration>;
-
-/// The simulated machine, with an accelerometer that sends what `lie` makes of its samples.
-struct Liar {
-    machine: SimulatedMachine<ARMS, L2_MOTORS>,
-    sensor: SensorPublisher,
-    accelerometer: AccelerometerPublisher,
-    lie: Lie,
-    reads: u64,
-}
-
-impl Plant<ARMS, L2_MOTORS> for Liar {
-    type Error = PlantError;
-
-    fn in_force(&mut self) -> Result<[InForce; ARMS], PlantError> {
-        self.machine.in_force()
-    }
-
-    fn read(&mut self, elapsed: u64) -> Result<Reading<ARMS>, PlantError> {
-        let reading = self.machine.read(elapsed)?;
-        // The read before the first cycle is that of tick 0.
-        let tick = self.reads;
-        self.reads += 1;
-        let tool = reading.tool.unwrap();
-        self.sensor.publish(&Sample {
-            tick,
-            wrench: tool.sensor,
-        });
-        let components = tool.acceleration.unwrap();
-        if let Some(sample) = (self.lie)(Acceleration { tick, components }) {
-            self.accelerometer.publish(&sample);
-        }
-        Ok(reading)
-    }
-
-    fn write(
-        &mut self,
-        references: &[Reference; L2_MOTORS],
-        parts: &[InForce; ARMS],
-    ) -> Result<(), PlantError> {
-        self.machine.write(references, parts)
-    }
-}
 
 fn robot() -> RobotFile<L2, ARMS> {
     let mut robot = RobotFile::builtin_l2().unwrap();
@@ -85,17 +44,22 @@ fn robot() -> RobotFile<L2, ARMS> {
 fn session(lie: Lie) -> (Result<u64, ClientError>, bool) {
     let robot = robot();
     let (_hand, tool) = load_generator();
-    let liar = Liar {
-        machine: SimulatedMachine::moving_from_robot(&robot, tool, Motion::Hold).unwrap(),
-        sensor: SensorPublisher::bind(LOOPBACK).unwrap(),
-        accelerometer: AccelerometerPublisher::bind(LOOPBACK).unwrap(),
-        lie,
-        reads: 0,
-    };
+    let machine = SimulatedMachine::moving_from_robot(&robot, tool, Motion::Hold).unwrap();
+    let mut sensor = SensorPublisher::bind(LOOPBACK).unwrap();
+    let mut accelerometer = AccelerometerPublisher::bind(LOOPBACK).unwrap();
     let instruments = Instruments {
-        sensor: liar.sensor.address().unwrap(),
-        accelerometer: Some(liar.accelerometer.address().unwrap()),
+        sensor: sensor.address().unwrap(),
+        accelerometer: Some(accelerometer.address().unwrap()),
     };
+    let liar = Liar::new(machine, move |tick, reading: &Reading<ARMS>| {
+        let tool = reading.tool.unwrap();
+        let wrench = tool.sensor;
+        sensor.publish(&Sample { tick, wrench });
+        let components = tool.acceleration.unwrap();
+        if let Some(sample) = lie(Acceleration { tick, components }) {
+            accelerometer.publish(&sample);
+        }
+    });
     let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
     let controls: Arc<ClientControls> = Arc::default();
     let (result, rows) =

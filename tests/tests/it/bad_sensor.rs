@@ -2,14 +2,14 @@
 //! silent: it leaves in good order and says why, instead of compensating a force that is not
 //! measured.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use gantry_tau_client::{ClientControls, ClientError, ClientReport};
-use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
-use gantry_tau_machine::model::L2_MOTORS;
+use gantry_tau_machine::model::{L2, L2_MOTORS};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 use gantry_tau_server::plant::interpolator::Motion;
@@ -19,6 +19,8 @@ use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_tests::client_session;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
+use super::liar::Liar;
+
 /// Samples the tare of these tests takes.
 const TARE: u32 = 50;
 const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -26,38 +28,25 @@ const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 /// A sensor's sample of each tick.
 pub(super) type Lie = fn(u64) -> Option<Sample>;
 
-/// The simulated machine, with a sensor that sends what `lie` makes of each tick, in the cycle as
-/// an honest one would.
-pub(super) struct Liar {
-    pub(super) machine: SimulatedMachine<ARMS, L2_MOTORS>,
-    pub(super) sensor: SensorPublisher,
-    pub(super) lie: Lie,
-    pub(super) reads: u64,
-}
-
-impl Plant<ARMS, L2_MOTORS> for Liar {
-    type Error = PlantError;
-
-    fn in_force(&mut self) -> Result<[InForce; ARMS], PlantError> {
-        self.machine.in_force()
-    }
-
-    fn read(&mut self, elapsed: u64) -> Result<Reading<ARMS>, PlantError> {
-        // The read before the first cycle is that of tick 0.
-        if let Some(sample) = (self.lie)(self.reads) {
-            self.sensor.publish(&sample);
+/// Machine under no load, with a sensor that sends what `lie` makes of each tick; and the sensor's
+/// address.
+pub(super) fn machine(
+    robot: &RobotFile<L2, ARMS>,
+    lie: Lie,
+) -> (
+    impl Plant<ARMS, L2_MOTORS, Error = PlantError> + use<>,
+    SocketAddr,
+) {
+    let (_hand, tool) = load_generator();
+    let mut sensor = SensorPublisher::bind(LOOPBACK).unwrap();
+    let address = sensor.address().unwrap();
+    let machine = SimulatedMachine::from_robot(robot, tool, Motion::Hold).unwrap();
+    let speak = move |tick, _: &Reading<ARMS>| {
+        if let Some(sample) = lie(tick) {
+            sensor.publish(&sample);
         }
-        self.reads += 1;
-        self.machine.read(elapsed)
-    }
-
-    fn write(
-        &mut self,
-        references: &[Reference; L2_MOTORS],
-        parts: &[InForce; ARMS],
-    ) -> Result<(), PlantError> {
-        self.machine.write(references, parts)
-    }
+    };
+    (Liar::new(machine, speak), address)
 }
 
 /// Runs a client whose sensor lies, until it ends or, from a tick on, is asked to quit. Returns its
@@ -65,14 +54,7 @@ impl Plant<ARMS, L2_MOTORS> for Liar {
 fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, u64) {
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
-    let (_hand, tool) = load_generator();
-    let liar = Liar {
-        machine: SimulatedMachine::from_robot(&robot, tool, Motion::Hold).unwrap(),
-        sensor: SensorPublisher::bind(LOOPBACK).unwrap(),
-        lie,
-        reads: 0,
-    };
-    let sensor = liar.sensor.address().unwrap();
+    let (liar, sensor) = machine(&robot, lie);
     let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
     let controls: Arc<ClientControls> = Arc::default();
     let (result, rows) = client_session::play(robot, cycle, sensor, &controls, |row| {

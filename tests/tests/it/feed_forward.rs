@@ -5,11 +5,11 @@ use gantry_tau_core::control::agitation::Agitation;
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_machine::masses::GRAVITY_M_PER_S2;
 use gantry_tau_machine::model::{F1_MOTORS, MachineKind};
-use gantry_tau_machine::robot_file::{FeedForwardKey, RATED_FORCE_N, RobotFile};
+use gantry_tau_machine::robot_file::{AccelerometerKeys, FeedForwardKey, RATED_FORCE_N, RobotFile};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::machine::SimulatedMachine;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Rest before and after each way, cycles: the filter and the tare have settled by then.
 const DWELL: usize = 2_000;
@@ -27,6 +27,8 @@ struct Job {
     feed_forward: FeedForwardKey,
     /// Masses of the client's file, as a share of those of the machine.
     known_masses: f64,
+    /// The machine has an accelerometer.
+    is_measured: bool,
 }
 
 fn robot<K: MachineKind<N>, const N: usize>(
@@ -43,6 +45,13 @@ fn robot<K: MachineKind<N>, const N: usize>(
     let masses = robot.masses.as_mut().unwrap();
     masses.tool.mass_kg = job.tool_kg;
     masses.has_weight = false;
+    robot.sensor.accelerometer = job.is_measured.then_some(AccelerometerKeys {
+        place_m: robot.sensor.tool.centre_m,
+        axes: 6,
+        rotation: Matrix3::identity().into(),
+        share: 0.9,
+        gravity: true,
+    });
     robot.rated_n = Some([RATED_FORCE_N; N]);
     for axis in &mut robot.limits {
         axis.limits.torque = Limits::new(LimitValues {
@@ -155,6 +164,7 @@ const JOB: Job = Job {
     way_m: [0.4, 0.0, 0.0],
     feed_forward: FeedForwardKey::None,
     known_masses: 1.0,
+    is_measured: false,
 };
 /// The same with it.
 const FED_FORWARD: Job = Job {
@@ -174,6 +184,12 @@ fn l2() {
     let (none, fed_forward) = (walk(JOB), walk(FED_FORWARD));
     assert!(none > 50.0, "{none} um");
     assert!(fed_forward < 8.0, "{fed_forward} um");
+    // What an accelerometer takes out of the reading is not taken out twice.
+    let measured = walk(Job {
+        is_measured: true,
+        ..FED_FORWARD
+    });
+    assert!(measured < 8.0, "{measured} um");
     let (none, fed_forward) = (walk(along_z(JOB)), walk(along_z(FED_FORWARD)));
     assert!(none > 25.0, "{none} um");
     assert!(fed_forward < 6.0, "{fed_forward} um");

@@ -11,15 +11,11 @@ use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_machine::model::L2_MOTORS;
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
-use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::links::sensor::Sample;
 use gantry_tau_server::record::TickRecord;
-use gantry_tau_sim::load_generator::load_generator;
-use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_tests::client_session;
-use gantry_tau_tests::server_fixture::LOOPBACK;
 
-use super::bad_sensor::{Liar, Lie};
+use super::bad_sensor::{Lie, machine};
 
 /// Frequency of the swinging load, Hz: above 0.6 times the lowest mode of an L2 at home, 12.4 Hz.
 const HZ: f64 = 14.0;
@@ -62,14 +58,7 @@ fn session(lie: Lie, leave_on_oscillation: bool) -> (ClientReport, Vec<TickRecor
     for axis in &mut robot.limits {
         axis.agitation = None;
     }
-    let (_hand, tool) = load_generator();
-    let liar = Liar {
-        machine: SimulatedMachine::from_robot(&robot, tool, Motion::Hold).unwrap(),
-        sensor: SensorPublisher::bind(LOOPBACK).unwrap(),
-        lie,
-        reads: 0,
-    };
-    let sensor = liar.sensor.address().unwrap();
+    let (liar, sensor) = machine(&robot, lie);
     let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
     let controls = Arc::default();
     let (report, rows) = client_session::play(robot, cycle, sensor, &controls, |row| {

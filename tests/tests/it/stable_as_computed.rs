@@ -189,8 +189,7 @@ fn l2() {
     assert!(agree(1.835, FilterKey::Auto, 6.0) < -2.0);
 }
 
-/// What an accelerometer takes out of the reading makes the tool lighter in the loop: with the filter
-/// of first order 5 kg grow by 12/s, and decay with it.
+/// An accelerometer makes the tool lighter in the loop: with the filter of first order 5 kg grow by 12/s, and decay with it.
 #[test]
 fn l2_with_an_accelerometer() {
     let with = |axes, share| {

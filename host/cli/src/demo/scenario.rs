@@ -133,8 +133,12 @@ where
     let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(travel));
     let sensor = SensorPublisher::bind(LOOPBACK)?;
     let sensor_address = sensor.address()?;
-    let accelerometer = AccelerometerPublisher::bind(LOOPBACK)?;
-    let accelerometer_address = accelerometer.address()?;
+    let accelerometer = (robot.sensor.accelerometer.as_ref())
+        .map(|_| AccelerometerPublisher::bind(LOOPBACK))
+        .transpose()?;
+    let accelerometer_address = (accelerometer.as_ref())
+        .map(AccelerometerPublisher::address)
+        .transpose()?;
     let cycle = Cycle::new(
         config,
         robot.motor_map()?,
@@ -148,10 +152,11 @@ where
     if options.black_box.is_some() {
         cycle = cycle.with_black_box(sender);
     }
-    let (server, rows) = Server::spawn(
-        cycle.with_sensor(sensor).with_accelerometer(accelerometer),
-        ticks,
-    )?;
+    cycle = cycle.with_sensor(sensor);
+    if let Some(accelerometer) = accelerometer {
+        cycle = cycle.with_accelerometer(accelerometer);
+    }
+    let (server, rows) = Server::spawn(cycle, ticks)?;
     let (relay, _) = Relay::spawn(
         LOOPBACK,
         server.address,
@@ -163,7 +168,7 @@ where
         server: relay.address.into(),
         transport: Transport::Stream,
         sensor: sensor_address.into(),
-        accelerometer: Some(accelerometer_address.into()),
+        accelerometer: accelerometer_address.map(Into::into),
         robot: options.client.clone(),
         record: options.record.clone(),
         obtain: false,

@@ -8,6 +8,7 @@ use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::model::load_filter::{MAX_FREQUENCY, MAX_NOTCHES};
 use gantry_tau_core::model::sensor::{MAX_LEVER_M, MAX_WEIGHT_N, NOTCH_Q};
 use gantry_tau_core::units::{Metres, OffsetNm, PositionNm};
+use nalgebra::Matrix3;
 
 use super::problems::{Problem, Problems};
 use super::sections::{Axes, Each};
@@ -299,11 +300,7 @@ pub(super) fn motors(motors: &Motors, axes: usize, problems: &mut Problems) {
 }
 
 pub(super) fn sensor(sensor: &Sensor, problems: &mut Problems) {
-    let deviation = rotation_deviation(&sensor.rotation_matrix());
-    if deviation > 1e-9 {
-        let reason = format!("is not a rotation matrix (deviation {deviation:.0e})");
-        problems.add("sensor.rotation", reason);
-    }
+    rotation("sensor.rotation", &sensor.rotation_matrix(), problems);
     for (key, values, most) in [
         ("lever_m", sensor.lever_m, MAX_LEVER_M),
         ("tool.weight_n", sensor.tool.weight_n, MAX_WEIGHT_N),
@@ -329,6 +326,14 @@ pub(super) fn sensor(sensor: &Sensor, problems: &mut Problems) {
     problems.range("sensor.tare_samples", sensor.tare_samples.into(), 1.0, 1e6);
 }
 
+fn rotation(key: &str, matrix: &Matrix3<f64>, problems: &mut Problems) {
+    let deviation = rotation_deviation(matrix);
+    if deviation > 1e-9 {
+        let reason = format!("is not a rotation matrix (deviation {deviation:.0e})");
+        problems.add(key, reason);
+    }
+}
+
 /// Checks the accelerometer with the presence of `[masses]`.
 pub(super) fn accelerometer(sensor: &Sensor, has_masses: bool, problems: &mut Problems) {
     let Some(keys) = &sensor.accelerometer else {
@@ -340,11 +345,8 @@ pub(super) fn accelerometer(sensor: &Sensor, has_masses: bool, problems: &mut Pr
             "needs a section [masses]: what it takes out of the load is the tool's inertia";
         problems.add(section, reason);
     }
-    let deviation = rotation_deviation(&matrix(keys.rotation));
-    if deviation > 1e-9 {
-        let reason = format!("is not a rotation matrix (deviation {deviation:.0e})");
-        problems.add(format!("{section}.rotation"), reason);
-    }
+    let key = format!("{section}.rotation");
+    rotation(&key, &matrix(keys.rotation), problems);
     for (index, value) in keys.place_m.into_iter().enumerate() {
         let key = format!("{section}.place_m[{index}]");
         problems.range(&key, value, -MAX_LEVER_M, MAX_LEVER_M);

@@ -249,11 +249,9 @@ pub struct AccelerometerKeys {
     pub gravity: bool,
 }
 
-/// Share of the tool's inertia that an accelerometer takes out of the load by default.
-pub const DEFAULT_SHARE: f64 = 0.9;
-
+/// Leaves a margin for a tool that is lighter than in the file.
 fn default_share() -> f64 {
-    DEFAULT_SHARE
+    0.9
 }
 
 fn default_shows_gravity() -> bool {

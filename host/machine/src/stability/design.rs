@@ -12,7 +12,9 @@ const NOTCHES: [usize; 3] = [0, 1, 2];
 pub const SETTLED: f64 = 0.05;
 /// Heaviest tool that is looked for, kg.
 pub const MAX_TOOL_KG: f64 = 100.0;
-/// Tools that are tried, at equal ratios down to 0.1 kg: a margin does not fall evenly with the mass.
+/// Lightest tool that is tried, kg.
+const MIN_TOOL_KG: f64 = 0.1;
+/// Tools that are tried beside it, at equal ratios: a margin does not fall evenly with the mass.
 const TOOLS: u32 = 16;
 /// Halvings of the range between the last that suffices and the next: to a percent.
 const HALVINGS: u32 = 5;
@@ -82,7 +84,8 @@ pub fn heaviest_tool_kg<const N: usize>(
     let suffices = |mass_kg| suffices(machine, compensation, places, mass_kg);
     let mut lower = None;
     for step in (0..=TOOLS).rev() {
-        let mut upper = MAX_TOOL_KG * 1e-3_f64.powf(f64::from(step) / f64::from(TOOLS));
+        let share = f64::from(step) / f64::from(TOOLS);
+        let mut upper = MAX_TOOL_KG * (MIN_TOOL_KG / MAX_TOOL_KG).powf(share);
         if suffices(upper) {
             lower = Some(upper);
             continue;
