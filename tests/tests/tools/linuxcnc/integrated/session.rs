@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{OnceLock, PoisonError, RwLockReadGuard, RwLockWriteGuard};
 
 use super::super::LATE;
-use super::super::record::{FAULT, LISTENING};
+use super::super::record::{FAULT, LISTENING, OBTAIN};
 use super::super::run::{Machine, ONE};
 use crate::firmware::program;
 
@@ -214,13 +214,15 @@ impl Session {
     }
 
     /// Starts a client, again and again until it is let in, and waits until its offsets may act.
-    /// Taring needs an unloaded sensor.
+    /// Taring needs an unloaded sensor. The server may not have seen yet that the session before
+    /// has ended: its phase would be taken for the new client's.
     pub(super) fn obtain(&mut self, robot: &str) -> Client {
+        self.wait(&format!("p('gantry-tau.phase') != {OBTAIN}"));
         self.unload();
         loop {
             let mut client = self.client(robot);
             loop {
-                if self.ask("wait 0.2 p('gantry-tau.phase') == 3") == "done" {
+                if self.ask(&format!("wait 0.2 p('gantry-tau.phase') == {OBTAIN}")) == "done" {
                     return client;
                 }
                 if let Some(status) = client.0.try_wait().unwrap() {
