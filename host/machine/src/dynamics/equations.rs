@@ -186,14 +186,10 @@ impl<const N: usize> MassiveMachine<N> {
         for body in self.bodies() {
             forces.platform += body.inertial_load(&state.pose.rotation, &Vector6::zeros(), &omega);
         }
-        for (link, (ends, mass_kg)) in links.iter().zip(&self.masses.links_kg).enumerate() {
+        let of_axes = centripetal_m_per_s2(self.elastic.geometry(), &state.axes, &state.rates.axes);
+        let parts = links.iter().zip(&self.masses.links_kg).zip(&of_axes);
+        for ((ends, mass_kg), of_axes) in parts {
             let of_platform = omega.cross(&omega.cross(&ends.lever_m));
-            let of_axes = centripetal_m_per_s2(
-                self.elastic.geometry(),
-                link,
-                &state.axes,
-                &state.rates.axes,
-            );
             let (third, sixth) = (mass_kg / 3.0, mass_kg / 6.0);
             forces += ends.forces(
                 &(of_axes * third + of_platform * sixth),

@@ -37,43 +37,41 @@ pub fn joints<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Joint<N
 }
 
 /// Returns the plates of all arms.
-pub(super) fn plates<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Plate<N>; ARMS] {
+pub(super) fn plates<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Plate; ARMS] {
     std::array::from_fn(|arm| Plate::of(geometry, arm, q))
 }
 
-/// Returns the acceleration of the joint of `link` with the axes at `q` and moving at these rates,
-/// none of which changes: that of a plate's joint on its way round, m/s^2.
+/// Returns the accelerations of the joints of all links, link order, with the axes at `q` and moving
+/// at these rates, none of which changes: those of plates' joints on their way round, m/s^2.
 #[must_use]
 pub fn centripetal_m_per_s2<const N: usize>(
     geometry: &f1::Geometry,
-    link: usize,
     q: &[f64; N],
     rates: &SVector<f64, N>,
-) -> Vector3<f64> {
-    let plate = Plate::of(geometry, ARM_OF_LINK[link], q);
-    let lever_m = plate.rotation * geometry.plate_joints_m[link];
-    let mut spin = Vector3::zeros();
-    // A later axis is carried by those before it.
-    let mut carried = Vector3::zeros();
-    for (turn, rate) in plate.turns.iter().zip(rates.iter()) {
-        let own = turn * *rate;
-        carried += spin.cross(&own);
-        spin += own;
-    }
-    spin.cross(&spin.cross(&lever_m)) + carried.cross(&lever_m)
+) -> [Vector3<f64>; LINKS] {
+    let motions = plates(geometry, q).map(|plate| (plate.spin(rates), plate));
+    std::array::from_fn(|link| {
+        let ((spin, carried), plate) = &motions[ARM_OF_LINK[link]];
+        let lever_m = plate.rotation * geometry.plate_joints_m[link];
+        spin.cross(&spin.cross(&lever_m)) + carried.cross(&lever_m)
+    })
 }
 
+/// Largest number of axes that turn one plate.
+const MAX_TURNS: usize = 2;
+
 /// The plate of an arm.
-pub(super) struct Plate<const N: usize> {
+pub(super) struct Plate {
     rotation: Rotation3<f64>,
-    /// What each axis turns it about, world axes, rad per unit of `q`; zero of other axes.
-    turns: [Vector3<f64>; N],
+    /// What its axes turn it about, in their order, world axes, rad per unit of `q`; zero where there
+    /// are fewer.
+    turns: [Vector3<f64>; MAX_TURNS],
+    arm: usize,
 }
 
 /// The joint of a link on its plate.
-pub(super) struct Corner<'a, const N: usize> {
-    plate: &'a Plate<N>,
-    arm: usize,
+pub(super) struct Corner<'a> {
+    plate: &'a Plate,
     guideway: Vector3<f64>,
     /// From the plate's origin, world axes, m.
     lever_m: Vector3<f64>,
@@ -81,21 +79,18 @@ pub(super) struct Corner<'a, const N: usize> {
     pub(super) place_m: Vector3<f64>,
 }
 
-impl<const N: usize> Corner<'_, N> {
+impl Corner<'_> {
     /// Returns the derivative of the position by an axis, m per unit of `q`; `None` if the axis does
     /// not move it.
     #[inline]
     pub(super) fn slope(&self, axis: usize) -> Option<Vector3<f64>> {
-        if axis == self.arm {
-            Some(self.guideway)
-        } else if turns_plate(self.arm, axis) {
-            Some(self.plate.turns[axis].cross(&self.lever_m))
-        } else {
-            None
+        if axis == self.plate.arm {
+            return Some(self.guideway);
         }
+        turn_of_plate(self.plate.arm, axis).map(|turn| self.plate.turns[turn].cross(&self.lever_m))
     }
 
-    fn joint(&self) -> Joint<N> {
+    fn joint<const N: usize>(&self) -> Joint<N> {
         Joint {
             place_m: self.place_m,
             slopes: std::array::from_fn(|axis| self.slope(axis).unwrap_or_default()),
@@ -103,36 +98,35 @@ impl<const N: usize> Corner<'_, N> {
     }
 }
 
-impl<const N: usize> Plate<N> {
+impl Plate {
     /// Returns the joint of one of its links.
     #[inline]
-    pub(super) fn corner(
+    pub(super) fn corner<const N: usize>(
         &self,
         geometry: &f1::Geometry,
         link: usize,
         q: &[f64; N],
-    ) -> Corner<'_, N> {
-        let arm = ARM_OF_LINK[link];
-        let guideway = geometry.guideways[arm];
+    ) -> Corner<'_> {
+        let guideway = geometry.guideways[self.arm];
         let lever_m = self.rotation * geometry.plate_joints_m[link];
         Corner {
             plate: self,
-            arm,
             guideway,
             lever_m,
-            place_m: geometry.carts_m[arm] + guideway * q[arm] + lever_m,
+            place_m: geometry.carts_m[self.arm] + guideway * q[self.arm] + lever_m,
         }
     }
 
-    fn of(geometry: &f1::Geometry, arm: usize, q: &[f64; N]) -> Self {
+    fn of<const N: usize>(geometry: &f1::Geometry, arm: usize, q: &[f64; N]) -> Self {
         let mut plate = Self {
             rotation: Rotation3::identity(),
-            turns: [Vector3::zeros(); N],
+            turns: [Vector3::zeros(); MAX_TURNS],
+            arm,
         };
         for (axis, angle) in q.iter().enumerate() {
-            if !turns_plate(arm, axis) {
+            let Some(turn) = turn_of_plate(arm, axis) else {
                 continue;
-            }
+            };
             let (about, sign) = match axis {
                 Q4 => (geometry.turn_axis, geometry.turn_signs[0].sign()),
                 Q5 => (geometry.turn_axis, geometry.turn_signs[1].sign()),
@@ -140,16 +134,34 @@ impl<const N: usize> Plate<N> {
             };
             let about = Unit::new_normalize(about);
             // A later axis is carried by those before it.
-            plate.turns[axis] = plate.rotation * about.into_inner() * sign;
+            plate.turns[turn] = plate.rotation * about.into_inner() * sign;
             plate.rotation *= Rotation3::from_axis_angle(&about, sign * angle);
         }
         plate
     }
+
+    /// Returns its angular velocity at these rates of the axes (rad/s), and the derivative of
+    /// that while none of the rates changes: a later axis is carried by those before it. World axes.
+    fn spin<const N: usize>(&self, rates: &SVector<f64, N>) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut spin, mut carried) = (Vector3::zeros(), Vector3::zeros());
+        for (axis, rate) in rates.iter().enumerate() {
+            if let Some(turn) = turn_of_plate(self.arm, axis) {
+                let own = self.turns[turn] * *rate;
+                carried += spin.cross(&own);
+                spin += own;
+            }
+        }
+        (spin, carried)
+    }
 }
 
-/// True for an axis that turns the plate of an arm.
-const fn turns_plate(arm: usize, axis: usize) -> bool {
-    matches!((arm, axis), (1, Q4) | (2, Q5 | Q6))
+/// Returns the place of an axis among those that turn the plate of an arm; `None` if it does not.
+const fn turn_of_plate(arm: usize, axis: usize) -> Option<usize> {
+    match (arm, axis) {
+        (1, Q4) | (2, Q5) => Some(0),
+        (2, Q6) => Some(1),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -184,13 +196,14 @@ mod tests {
         let geometry = Vectors::f1().geometry;
         let q = [1.5, 1.7, 1.6, 0.11, -0.07, 0.05];
         let rates = SVector::from([0.3, -0.2, 0.4, 1.3, -0.8, 1.1]);
-        for link in 0..LINKS {
+        let found = centripetal_m_per_s2(&geometry, &q, &rates);
+        for (link, found) in found.iter().enumerate() {
             let [behind, here, ahead] = [-1e-4, 0.0, 1e-4].map(|s| {
                 let at: [f64; 6] = std::array::from_fn(|axis| q[axis] + s * rates[axis]);
                 joint(&geometry, link, &at).place_m
             });
             let difference = (ahead - here * 2.0 + behind) / 1e-8;
-            let off = (difference - centripetal_m_per_s2(&geometry, link, &q, &rates)).amax();
+            let off = (difference - found).amax();
             assert!(off < 1e-6, "link {link}: {off:e}");
         }
     }

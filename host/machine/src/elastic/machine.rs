@@ -19,12 +19,12 @@ use std::fmt;
 
 use gantry_tau_core::model::f1;
 use gantry_tau_core::model::kinematics::Pose as RigidPose;
-use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
+use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS};
 use nalgebra::{Matrix6, Matrix6x3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::backlash::Backlash;
 use super::compliances::RawCompliances;
-use super::joints::{Joint, joint, plates};
+use super::joints::{Corner, Plate, plates};
 
 /// The search ends when no step is larger than this, in metres and in radians.
 pub const STEP_TOLERANCE: f64 = 1e-13;
@@ -168,11 +168,6 @@ impl<const N: usize> ElasticMachine<N> {
         &self.geometry
     }
 
-    /// Returns the joint of a link on its cart or plate, with the axes (not the motors) at `axes`.
-    pub(crate) fn joint(&self, link: usize, axes: &[f64; N]) -> Joint<N> {
-        joint(&self.geometry, link, axes)
-    }
-
     /// Returns the backlash.
     #[must_use]
     pub const fn backlash(&self) -> &Backlash {
@@ -270,12 +265,29 @@ impl<const N: usize> ElasticMachine<N> {
         motors + SVector::from(self.compliances.axes).component_mul(axis_loads)
     }
 
-    /// Returns the vector from platform joint to cart joint of one link (metres), and the latter.
-    fn link(&self, link: usize, axes: &SVector<f64, N>, pose: &Pose) -> (Vector3<f64>, Joint<N>) {
-        let joint = self.joint(link, &(*axes).into());
-        let on_platform =
-            pose.translation_m + pose.rotation * self.geometry.platform_joints_m[link];
-        (joint.place_m - on_platform, joint)
+    /// Returns of each link, in their order: the joint on its plate, the lever of that on the platform
+    /// and the vector from this to the former, world axes, m.
+    #[inline]
+    fn links<'a>(
+        &'a self,
+        plates: &'a [Plate; ARMS],
+        q: &'a [f64; N],
+        pose: &'a Pose,
+    ) -> impl Iterator<Item = (Corner<'a>, Vector3<f64>, Vector3<f64>)> {
+        ARM_OF_LINK.into_iter().enumerate().map(move |(link, arm)| {
+            let joint = plates[arm].corner(&self.geometry, link, q);
+            let lever = pose.rotation * self.geometry.platform_joints_m[link];
+            let vector = joint.place_m - (pose.translation_m + lever);
+            (joint, lever, vector)
+        })
+    }
+
+    /// Returns the distances of the joints with the axes (not the motors) at `axes`, m, link order.
+    fn lengths_m(&self, axes: &SVector<f64, N>, pose: &Pose) -> Vector6<f64> {
+        let q = &axes.data.0[0];
+        let plates = plates(&self.geometry, q);
+        let links = self.links(&plates, q, pose);
+        Vector6::from_iterator(links.map(|(_, _, vector)| vector.norm()))
     }
 
     /// Returns the tensions of links whose joints are so far apart, N. In the play of the joint of
@@ -307,10 +319,7 @@ impl<const N: usize> ElasticMachine<N> {
         };
         let q = &axes.data.0[0];
         let plates = plates(&self.geometry, q);
-        for (link, arm) in ARM_OF_LINK.into_iter().enumerate() {
-            let joint = plates[arm].corner(&self.geometry, link, q);
-            let lever = pose.rotation * self.geometry.platform_joints_m[link];
-            let vector = joint.place_m - (pose.translation_m + lever);
+        for (link, (joint, lever, vector)) in self.links(&plates, q, pose).enumerate() {
             let length_m = vector.norm();
             lines.lengths_m[link] = length_m;
             let direction = vector / length_m;
@@ -340,7 +349,7 @@ impl<const N: usize> ElasticMachine<N> {
         tensions_n: &Vector6<f64>,
         axis_loads: &SVector<f64, N>,
     ) -> Vector6<f64> {
-        let axes = self.displaced(motors, axis_loads);
+        let lengths_m = self.lengths_m(&self.displaced(motors, axis_loads), pose);
         let play_m = self
             .backlash
             .elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
@@ -348,7 +357,7 @@ impl<const N: usize> ElasticMachine<N> {
             let spring_m = self.compliances.links_m_per_n[link] * tensions_n[link];
             let joint_m = if link >= CLUSTER_3 { play_m } else { 0.0 };
             let length_m = self.geometry.lengths_m[link];
-            self.link(link, &axes, pose).0.norm() - (length_m + spring_m + joint_m)
+            lengths_m[link] - (length_m + spring_m + joint_m)
         })
     }
 }
@@ -519,9 +528,10 @@ mod tests {
     ) -> f64 {
         let compliances = machine.compliances();
         let mut energy = -load.dot(moved_by);
+        let lengths_m = machine.lengths_m(carts, pose);
         for link in 0..LINKS {
             let length = machine.geometry.lengths_m[link];
-            let elongation = machine.link(link, carts, pose).0.norm() - length;
+            let elongation = lengths_m[link] - length;
             energy += elongation * elongation / (2.0 * compliances.links_m_per_n[link]);
         }
         for arm in 0..ARMS {
