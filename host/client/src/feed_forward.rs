@@ -194,3 +194,82 @@ impl<const N: usize> FeedForward<N> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use gantry_tau_machine::robot_file::RobotFile;
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+
+    /// The F1, whose last three axes have 0.1 m per radian, at home.
+    fn f1() -> (FeedForward<6>, Pose, [f64; 6]) {
+        let robot = RobotFile::builtin_f1().unwrap();
+        let feed_forward = FeedForward::new(
+            MassiveMachine::of(&robot).unwrap(),
+            robot.metres_per_q,
+            [OffsetNm(i32::MAX); 6],
+            Some(TorqueScale {
+                permille_per_n: [50.0; 6],
+                most: [i16::MAX; 6],
+            }),
+            1.0,
+        );
+        let pose = Pose {
+            translation_m: robot.home_m(),
+            rotation: UnitQuaternion::identity(),
+        };
+        (feed_forward, pose, robot.home_q().unwrap())
+    }
+
+    /// By `tau dq = F dx`: at accelerations of the axes that are like their rates, the power of the
+    /// motors is twice the kinetic energy per second, that of the motors included.
+    #[test]
+    fn torques_move_all_masses() {
+        let (feed_forward, pose, q) = f1();
+        let motion = feed_forward.machine.rigid_motion(&pose, &q).unwrap();
+        for axis in 0..6 {
+            let mut rates = SVector::<f64, 6>::zeros();
+            rates[axis] = 0.7;
+            rates[(axis + 1) % 6] = -0.4;
+            let moved = Coordinates {
+                platform: motion * rates,
+                axes: rates,
+            };
+            let momentum = feed_forward.machine.mass_matrix(&pose, &q).times(&moved);
+            let along = SVector::from(feed_forward.metres_per_q).component_mul(&rates);
+            let motors_kg = SVector::from(feed_forward.machine.masses.motors_kg);
+            let twice_j = momentum.platform.dot(&moved.platform)
+                + momentum.axes.dot(&rates)
+                + motors_kg.dot(&along.component_mul(&along));
+            let loads = feed_forward.loads(&pose, &q, &moved);
+            let torques = feed_forward.torques(&pose, &q, &loads);
+            let power: f64 = (torques.iter().zip(along.iter()))
+                .map(|(permille, along)| f64::from(permille.0) / 50.0 * along)
+                .sum();
+            // Two whole per mille, each off by a half.
+            assert!((power - twice_j).abs() < 0.011, "{power} {twice_j}");
+            assert!(twice_j > 0.2, "{twice_j}");
+        }
+    }
+
+    /// An axis is asked for a place in front of that of its spring, in metres of its drive.
+    #[test]
+    fn springs_of_the_axes_are_made_up_for_in_metres_of_the_drives() {
+        let (feed_forward, ..) = f1();
+        let compliances = feed_forward.machine.elastic.compliances().axes;
+        let loads = SVector::from([100.0, -100.0, 50.0, 10.0, -10.0, 5.0]);
+        let mut correction = Correction::ZERO;
+        feed_forward.correct_axes(&loads, &mut correction).unwrap();
+        for axis in 0..6 {
+            let deflected_m = compliances[axis] * loads[axis] * if axis < 3 { 1.0 } else { 0.1 };
+            let off_m = correction.offsets[axis].to_metres().0 + deflected_m;
+            assert!(
+                off_m.abs() < 1e-9 && deflected_m.abs() > 1e-8,
+                "axis {axis}"
+            );
+        }
+        let nan = SVector::from([f64::NAN; 6]);
+        assert!(feed_forward.correct_axes(&nan, &mut correction).is_err());
+    }
+}

@@ -194,6 +194,23 @@ mod tests {
         assert!((mass * motion - found).amax() < 1e-12);
     }
 
+    /// On a circle of 0.1 m at 2 rad/s: 0.4 m/s^2 towards its centre.
+    #[test]
+    fn a_place_beside_the_axis_of_a_turn_is_pulled_to_it() {
+        let beside = Accelerometer {
+            rotation: Matrix3::identity(),
+            place_m: Vector3::new(0.1, 0.0, 0.3),
+            shows_gravity: false,
+            ..mounted(MeasuredAxes::Six)
+        };
+        let shown = beside.seen(
+            &Vector6::zeros(),
+            &Vector3::new(0.0, 0.0, 2.0),
+            &UnitQuaternion::identity(),
+        );
+        assert!((shown - Vector6::new(-0.4, 0.0, 0.0, 0.0, 0.0, 0.0)).amax() < 1e-12);
+    }
+
     #[test]
     fn gravity_is_shown_upwards_at_rest() {
         let level = Accelerometer {

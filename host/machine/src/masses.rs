@@ -235,3 +235,38 @@ fn is_inertia(matrix: &Matrix3<f64>) -> bool {
     let moments = matrix.symmetric_eigenvalues();
     moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() + TOLERANCE * largest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of matrices small and large, as the tolerance is a share.
+    #[test]
+    fn only_the_inertia_of_a_body_is_taken() {
+        let sphere = Matrix3::from_diagonal_element(1.0);
+        let with = |row, column, entry| {
+            let mut matrix = sphere;
+            matrix[(row, column)] = entry;
+            matrix
+        };
+        for (matrix, is_of_body) in [
+            (sphere, true),
+            // A disc: the largest moment is the sum of the others.
+            (with(2, 2, 2.0), true),
+            (with(2, 2, 2.0 + 1e-6), false),
+            // A rod, which a moment of inertia about itself is left of.
+            (with(2, 2, 1e-6), true),
+            (with(2, 2, 0.0), false),
+            (with(2, 2, -1e-6), false),
+            (with(0, 1, 1e-6), false),
+            (with(0, 1, f64::NAN), false),
+            (with(2, 2, f64::INFINITY), false),
+        ] {
+            for scale in [1e-5, 1.0, 1e5] {
+                let scaled = matrix * scale;
+                assert_eq!(is_inertia(&scaled), is_of_body, "{scaled}");
+            }
+        }
+        assert!(!is_inertia(&(sphere * 2.0 * MAX_INERTIA)));
+    }
+}

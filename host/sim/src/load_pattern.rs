@@ -161,6 +161,14 @@ mod tests {
         // Of sin^2 over half a turn: pi / 2; of sin cos: 0. Two teeth, over a turn of 2 pi.
         let per_scale = Vector3::new(-RADIAL, 1.0, 0.0) * 0.5;
         assert!((cutter.scale_n * per_scale.norm() - 100.0).abs() < 0.1);
+        // The other tooth is outside of the cut.
+        let quarter = cutter.at_angle(0.25 * TAU);
+        assert!((quarter - Vector3::new(-RADIAL, 1.0, 0.0) * cutter.scale_n).norm() < 1e-9);
+        let late = cutter.at_angle(0.45 * TAU);
+        let (sin, cos) = (0.45 * TAU).sin_cos();
+        let expected = Vector3::new(-cos - RADIAL * sin, sin - RADIAL * cos, 0.0);
+        assert!(late.x > 0.0 && late.y > 0.0);
+        assert!((late - expected * (cutter.scale_n * sin)).norm() < 1e-9);
     }
 
     #[test]

@@ -108,3 +108,45 @@ impl Steps {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::load_generator::load_generator;
+    use super::*;
+
+    /// Steps from 0 to the largest, each 0.5 s long, again and again; from the beginning again in the
+    /// next Obtain.
+    #[test]
+    fn steps_follow_each_other_in_obtain() {
+        let (hand, mut tool) = load_generator();
+        let mut profile = LoadProfile::new(hand, 120.0, 0.5);
+        for (phase, tick, force_n) in [
+            (Phase::Submit, 10, 0.0),
+            (Phase::Obtain, 1_000, 0.0),
+            (Phase::Obtain, 1_499, 0.0),
+            (Phase::Obtain, 1_500, 60.0),
+            (Phase::Obtain, 1_999, 60.0),
+            (Phase::Obtain, 2_000, 120.0),
+            (Phase::Obtain, 2_500, 0.0),
+            (Phase::Obtain, 3_000, 60.0),
+            (Phase::SafeDisconnect, 3_001, 0.0),
+            (Phase::Obtain, 4_000, 0.0),
+            (Phase::Obtain, 4_500, 60.0),
+        ] {
+            profile.update(phase, Tick(tick));
+            assert_eq!(tool.load().force_n, [force_n, 0.0, 0.0], "{tick}");
+        }
+    }
+
+    #[test]
+    fn without_a_force_there_is_one_step() {
+        for force_max_n in [0.0, -60.0] {
+            let (hand, mut tool) = load_generator();
+            let mut profile = LoadProfile::new(hand, force_max_n, 0.1);
+            for tick in [0, 100, 200] {
+                profile.update(Phase::Obtain, Tick(tick));
+                assert_eq!(tool.load(), Load::default());
+            }
+        }
+    }
+}

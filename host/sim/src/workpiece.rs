@@ -62,8 +62,7 @@ impl Workpiece {
 
     /// Returns the force on the tool after one more cycle at this place, N, world axes.
     pub fn force_n(&mut self, tool_m: &Vector3<f64>) -> [f64; 3] {
-        let depth_m = (self.surface_m - tool_m.z).max(0.0);
-        self.force_n += SHARE * (self.stiffness_n_per_m * depth_m - self.force_n);
+        self.force_n += SHARE * (self.spring_n(tool_m.z) - self.force_n);
         [0.0, 0.0, self.force_n]
     }
 }

@@ -84,6 +84,23 @@ mod tests {
         assert!((f1 - 6.8236).abs() < 1e-4, "{f1}");
     }
 
+    /// Away from home, with axes that are not all in metres.
+    #[test]
+    fn a_turned_platform_has_the_mode_of_its_place() {
+        let robot = RobotFile::builtin_f1().unwrap();
+        let mut q = robot.home_q().unwrap();
+        for (place, moved) in q.iter_mut().zip([0.1, 0.05, -0.1, 0.2, -0.15, 0.1]) {
+            *place += moved;
+        }
+        let machine = MassiveMachine::of(&robot).unwrap();
+        let start = Equilibrium::at_home(robot.home_m().into());
+        let unloaded = (machine.elastic.equilibrium(&q, &Vector6::zeros(), &start)).unwrap();
+        let expected = Modes::of(&machine, &unloaded.pose, &q).unwrap().hz()[0];
+        let nominal = on_path(&q, &robot.metres_per_q).unwrap();
+        let found = LowestMode::of(&robot).unwrap().at(&nominal).unwrap();
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+    }
+
     #[test]
     fn five_millimetres_are_another_place() {
         let robot = RobotFile::builtin_l2().unwrap();

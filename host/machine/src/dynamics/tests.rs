@@ -1,7 +1,7 @@
 use nalgebra::{DMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 use super::*;
-use crate::elastic::Pose;
+use crate::elastic::{Equilibrium, Pose};
 use crate::masses::RigidBody;
 use crate::model::MachineKind;
 use crate::robot_file::RobotFile;
@@ -43,12 +43,21 @@ fn kinetic_j<const N: usize>(machine: &MassiveMachine<N>, state: &State<N>) -> f
     0.5 * dot(&state.rates, &momentum)
 }
 
-/// Weight and load alone, as springs would hide the velocity terms: what they do in a time is the
-/// change of the kinetic energy. By differences over 2e-5 s, whose square leaves 1e-9 of it.
+/// What weight and load do in a time is the change of the kinetic energy. By differences over 2e-5 s, whose square leaves 1e-9 of it.
 fn the_work_of_all_forces_is_the_kinetic_energy<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,
 ) {
-    let (machine, pose, axes) = at_home(robot);
+    let (mut machine, home, mut axes) = at_home(robot);
+    machine.masses.links_kg = [2.0, 5.0, 1.0, 4.0, 0.5, 6.0];
+    for (place, moved) in axes.iter_mut().zip([0.05, -0.1, 0.15, 0.2, -0.15, 0.1]) {
+        *place += moved;
+    }
+    // Unloaded: springs would hide what the motion takes.
+    let start = Equilibrium::unloaded(home);
+    let unloaded = machine
+        .elastic
+        .equilibrium(&axes, &Vector6::zeros(), &start);
+    let pose = unloaded.unwrap().pose;
     let state = State {
         pose,
         axes,
@@ -173,6 +182,8 @@ fn blocks_solve_as_the_whole_matrix() {
         .unwrap()
         .solve(&forces.to_vector());
     let found = mass.solve(&forces).unwrap().to_vector();
+    assert!((found - &whole).amax() < 1e-12 * whole.amax());
+    let found = mass.inverse().unwrap().times(&forces).to_vector();
     assert!((found - &whole).amax() < 1e-12 * whole.amax());
     assert_eq!(CoordinateMatrix::from_matrix(&mass.to_matrix()), mass);
 }

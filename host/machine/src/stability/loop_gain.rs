@@ -305,11 +305,16 @@ fn solve_shifted<const N: usize>(
     mut right: Vec<ComplexRow<N>>,
 ) -> Vec<ComplexRow<N>> {
     let size = hessenberg.nrows();
-    let mut left = hessenberg.map(|entry| Complex::from(-entry));
-    for row in 0..size {
-        left[(row, row)] += z;
+    // Of each row only what is not zero.
+    let mut left = vec![Complex::from(0.0); size * size];
+    let rows = left.chunks_mut(size).zip(hessenberg.column_iter());
+    for (row, (entries, given)) in rows.enumerate() {
+        let first = row.saturating_sub(1);
+        for (entry, given) in entries.iter_mut().zip(given.iter()).skip(first) {
+            *entry = Complex::from(-given);
+        }
+        entries[row] += z;
     }
-    let left = left.as_mut_slice();
     for row in 1..size {
         let (above, below) = left.split_at_mut(row * size);
         let above = &mut above[(row - 1) * size + row - 1..];
@@ -341,10 +346,83 @@ fn solve_shifted<const N: usize>(
 mod tests {
     use gantry_tau_core::model::kinematics::Pose as RigidPose;
 
-    use super::super::NotchFinder;
+    use super::super::{DriveKind, NotchFinder};
     use super::*;
     use crate::elastic::Pose;
     use crate::robot_file::RobotFile;
+
+    #[test]
+    fn the_smaller_of_each_margin_is_the_least() {
+        let margin = |any_phase, hz, phase_per_axis| Margin {
+            any_phase,
+            hz,
+            phase_per_axis,
+        };
+        let (one, other) = (margin(2.0, 10.0, 1.5), margin(3.0, 20.0, 1.2));
+        for least in [one.least(&other), other.least(&one)] {
+            assert_eq!(least, margin(2.0, 10.0, 1.2));
+        }
+    }
+
+    /// At equal ratios over the whole range; closer about a pole, which is at 20 Hz with a half width
+    /// of 1 Hz, and about none that is broad or does not turn.
+    #[test]
+    fn frequencies_are_close_about_a_weakly_damped_pole() {
+        let pole = |hz: f64, half_width_hz: f64| {
+            let (sin, cos) = (TAU * CYCLE_S * hz).sin_cos();
+            DMatrix::from_row_slice(2, 2, &[cos, -sin, sin, cos])
+                * (-TAU * CYCLE_S * half_width_hz).exp()
+        };
+        let grid = frequencies(&pole(20.0, 10.0)).unwrap();
+        assert_eq!(grid.len(), 251);
+        assert!((grid[0] - 0.2).abs() < 1e-12 && (grid[250] - 490.0).abs() < 1e-9);
+        let ratio = (490.0_f64 / 0.2).powf(1.0 / 250.0);
+        assert!((grid.windows(2)).all(|pair| (pair[1] / pair[0] / ratio - 1.0).abs() < 1e-12));
+        assert_eq!(frequencies(&DMatrix::identity(2, 2)).unwrap(), grid);
+
+        let mut near = frequencies(&pole(20.0, 1.0)).unwrap();
+        near.retain(|hz| !grid.contains(hz));
+        assert_eq!(near.len(), 19);
+        for (step, hz) in near.iter().enumerate() {
+            let expected = 12.0 + 16.0 * step as f64 / 18.0;
+            assert!((hz - expected).abs() < 1e-9, "{hz} {expected}");
+        }
+    }
+
+    /// Ideal drives, as a map of a state that holds the reference of the coming cycle: its input is one
+    /// cycle ahead, which turns the response and leaves the radius.
+    #[test]
+    fn ideal_drives_take_a_reference_at_once() {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let finder = NotchFinder::of(&robot).unwrap();
+        let home = Pose::from(&RigidPose::at(robot.home_m()));
+        let machine = LinearMachine::at(&finder.machine, &home, &robot.home_q().unwrap()).unwrap();
+        let map = TickMap::of(&machine, &DriveKind::Ideal);
+        let (size, before) = (map.state.nrows(), map.state.nrows() - 3);
+        let mut ahead = TickMap {
+            state: DMatrix::zeros(size + 3, size + 3),
+            previous: DMatrix::zeros(size + 3, 3),
+            current: DMatrix::zeros(size + 3, 3),
+            reading: DMatrix::zeros(6, size + 3),
+            direct: DMatrix::zeros(6, 3),
+        };
+        let mut of_state = ahead.state.view_mut((0, 0), (size, size));
+        of_state.copy_from(&map.state);
+        let mut of_last = of_state.columns_mut(before, 3);
+        of_last += &map.previous;
+        (ahead.state.view_mut((0, size), (size, 3))).copy_from(&map.current);
+        (ahead.current.view_mut((size, 0), (3, 3))).fill_with_identity();
+        let places = map.reading.columns(0, before);
+        (ahead.reading.columns_mut(0, before)).copy_from(&places);
+        (ahead.reading.columns_mut(size, 3)).copy_from(&map.reading.columns(before, 3));
+        let [found, expected] =
+            [&map, &ahead].map(|map| LoopResponse::<3>::with(map, &machine.correction).unwrap());
+        for hz in [1.0, 15.0, 21.0, 40.0, 150.0, 400.0] {
+            let [found, expected] =
+                [&found, &expected].map(|response| response.radius(hz).unwrap());
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        }
+    }
 
     /// Against the largest radius of all frequencies.
     #[test]

@@ -175,18 +175,21 @@ impl<const N: usize> Place<N> {
         .growth()
     }
 
-    /// Returns the growth of the closed loop with the tool on a workpiece. `None` if the
-    /// eigenvalues are not found.
+    /// Returns the growths of the closed loop with the tool on each of these workpieces, in their
+    /// order. `None` if the eigenvalues of one are not found.
     #[must_use]
-    pub fn growth_in_contact(
+    pub fn growths_in_contact(
         &self,
-        contact: &Contact,
+        contacts: &[Contact],
         compensation: &Compensation<N>,
-    ) -> Option<Growth> {
-        let machine = self.machine.in_contact(contact)?;
-        let map = TickMap::of(&machine, &compensation.drives);
-        let filter = self.filter.clone();
-        Loop::new(&machine, map, filter, compensation.latency_cycles).growth()
+    ) -> Option<Vec<Growth>> {
+        let growths = in_parallel(contacts, |contact| {
+            let machine = self.machine.in_contact(contact)?;
+            let map = TickMap::of(&machine, &compensation.drives);
+            let filter = self.filter.clone();
+            Loop::new(&machine, map, filter, compensation.latency_cycles).growth()
+        });
+        growths.into_iter().collect()
     }
 }
 

@@ -5,6 +5,7 @@ use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::units::OffsetNm;
 use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
 
+use super::design::heaviest_tool_kg;
 use super::survey::Margins;
 use super::*;
 use crate::drive_cascade::{CYCLE_S, POSITION_GAIN};
@@ -470,5 +471,55 @@ fn a_map_without_numbers_has_no_eigenvalues() {
         assert!(LoopGain::of(&machine, &map).is_none() && map.vibrations().is_none());
         let looped = Loop::new(&machine, map, Filter::first_order(20.0), 3);
         assert!(looped.growth().is_none() && looped.margin().is_none());
+    }
+}
+
+/// Half of the correction has twice the margin.
+#[test]
+fn a_margin_is_by_the_share_of_the_correction() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let [whole, half] = [1.0, 0.5].map(|gain| Place::at_home(&robot, gain).unwrap().margins);
+    let ratio = half.exact.any_phase / whole.exact.any_phase;
+    assert!((ratio - 2.0).abs() < 1e-9, "{ratio}");
+}
+
+/// With ideal drives the vibrations are the modes, each with the damping of the file; the frequencies
+/// of the simulation's steps are off by the square of a sixteenth of a cycle, the damping by a share
+/// of the frequency.
+#[test]
+fn vibrations_with_ideal_drives_are_the_modes() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let (linear, _) = at_home(&robot, 1.8);
+    let ratio = robot.masses.unwrap().damping_ratio;
+    let found = TickMap::of(&linear, &DriveKind::Ideal)
+        .vibrations()
+        .unwrap();
+    let modes = linear.modes.hz();
+    assert_eq!(found.len(), modes.iter().filter(|hz| **hz < 500.0).count());
+    assert!(found.iter().all(|(hz, _)| *hz > 1.0), "{found:?}");
+    for ((hz, damping), mode_hz) in found.iter().zip(&modes) {
+        assert!((hz / mode_hz - 1.0).abs() < 2e-3, "{hz} {mode_hz}");
+        assert!((damping / ratio - 1.0).abs() < 0.05, "{damping} {ratio}");
+    }
+}
+
+/// The heaviest tool suffices, and one that is 2 % heavier does not.
+#[test]
+fn the_heaviest_tool_is_the_last_that_suffices() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let finder = NotchFinder::of(&robot).unwrap();
+    let compensation = Compensation {
+        filter: finder.filter,
+        drives: finder.drives,
+        latency_cycles: 1,
+        gain: 1.0,
+    };
+    let home = Place::at_home(&robot, 1.0).unwrap();
+    let heaviest = heaviest_tool_kg(&finder.machine, &compensation, &[&home]).unwrap();
+    for (mass_kg, suffices) in [(heaviest, true), (1.02 * heaviest, false)] {
+        let mut machine = finder.machine;
+        machine.masses.tool.mass_kg = mass_kg;
+        let place = Place::of(&machine, &home.pose, &home.axes, &compensation).unwrap();
+        assert_eq!(place.margins.suffice(), suffices, "{mass_kg} kg");
     }
 }

@@ -212,6 +212,59 @@ fn the_sensor_feels_inertia() {
     assert!((platform.sensor_load() - expected.sensor_load).amax() < 1e-9);
 }
 
+/// A workpiece carries its share of a load that presses on it, as springs in parallel do.
+#[test]
+fn a_workpiece_pushes_back() {
+    let l2 = RobotFile::builtin_l2().unwrap();
+    let stands = |workpiece: Option<&Workpiece>| {
+        let (mut platform, _, q) = at_home(&l2, |masses| masses.damping_ratio = 0.3);
+        let motors = Motors {
+            places: q,
+            rates: [0.0; 3],
+        };
+        let load = Vector6::new(0.0, 0.0, -100.0, 0.0, 0.0, 0.0);
+        for _ in 0..2_000 {
+            let elastic = platform.machine.elastic;
+            platform.begin_cycle(&elastic).unwrap();
+            for _ in 0..SUBSTEPS {
+                platform.step(&motors, &load, workpiece);
+            }
+        }
+        let sunk_m = l2.home_m().z - platform.state.pose.translation_m.z;
+        (sunk_m, platform.load()[2])
+    };
+    let (free_m, free_n) = stands(None);
+    assert!(free_m > 1e-6 && (free_n + 100.0).abs() < 1e-9);
+    let stiffness = 1e7;
+    let below = Workpiece::below(&l2.home_m().into(), stiffness, 0.0, true).unwrap();
+    let (sunk_m, left_n) = stands(Some(&below));
+    let expected_m = free_m / (1.0 + stiffness * free_m / 100.0);
+    assert!(
+        (sunk_m / expected_m - 1.0).abs() < 1e-3,
+        "{sunk_m} {expected_m}"
+    );
+    assert!(
+        (left_n + 100.0 - stiffness * sunk_m).abs() < 1e-3,
+        "{left_n}"
+    );
+}
+
+/// In motion as well, and with motors that move.
+#[test]
+fn loads_of_the_drives_are_those_of_the_next_step() {
+    let f1 = RobotFile::builtin_f1().unwrap();
+    let (mut platform, _, q) = at_home(&f1, |_| {});
+    let load = Vector6::new(200.0, -100.0, 300.0, 5.0, -3.0, 2.0);
+    run(&mut platform, &q, &load, 3);
+    let motors = Motors {
+        places: q,
+        rates: [0.01, -0.02, 0.03, 0.1, -0.2, 0.1],
+    };
+    let before = platform.drive_loads(&motors);
+    let of_step = platform.step(&motors, &load, None);
+    assert!((before - of_step).amax() < 1e-9 * of_step.amax());
+}
+
 #[test]
 fn runs_are_bit_equal() {
     let f1 = RobotFile::builtin_f1().unwrap();

@@ -9,7 +9,7 @@ use gantry_tau_report::plots::{Curve, Plot};
 use gantry_tau_report::workspace::add_slices;
 use nalgebra::Vector3;
 
-use super::report::{DIRECTIONS, Judged, NO_EIGENVALUES, WORKPIECES_N_PER_M, at, growth_on};
+use super::report::{Judged, NO_EIGENVALUES, WORKPIECES_N_PER_M, at, growths_in_contact};
 use crate::cli::Failure;
 
 /// Masses of tools that are judged, kg.
@@ -166,15 +166,12 @@ fn add_workpieces<K, const N: usize>(
         let home = &judged.survey.home;
         let home = Place::of(judged.machine, &home.pose, &home.axes, &compensation)
             .ok_or(NO_EIGENVALUES)?;
-        let of_gain = WORKPIECES_N_PER_M.map(|stiffness| {
-            DIRECTIONS
-                .iter()
-                .try_fold(f64::MIN, |most, (_, direction)| {
-                    let growth = growth_on(&home, stiffness, *direction, &compensation)?;
-                    Ok::<f64, Failure>(most.max(growth.per_s))
-                })
-        });
-        let of_gain = of_gain.into_iter().collect::<Result<Vec<f64>, _>>()?;
+        let mut of_gain = [f64::MIN; WORKPIECES_N_PER_M.len()];
+        for of_direction in growths_in_contact(&home, &compensation)? {
+            for (most, growth) in of_gain.iter_mut().zip(of_direction) {
+                *most = most.max(growth.per_s);
+            }
+        }
         let points = WORKPIECES_N_PER_M.map(f64::log10);
         let points = points.into_iter().zip(of_gain.iter().copied()).collect();
         curves.push(Curve::line(&format!("gain {gain}"), points).with_dots());

@@ -369,20 +369,22 @@ fn margins<const N: usize>(
     Ok(())
 }
 
-/// Returns the growth with the tool on a workpiece of this stiffness, N/m.
-pub(super) fn growth_on<const N: usize>(
+/// Returns the growths with the tool on each of [`WORKPIECES_N_PER_M`], by [`DIRECTIONS`].
+pub(super) fn growths_in_contact<const N: usize>(
     place: &Place<N>,
-    stiffness_n_per_m: f64,
-    direction: [f64; 3],
     compensation: &Compensation<N>,
-) -> Result<Growth, Failure> {
-    let contact = Contact {
-        stiffness_n_per_m,
-        direction: Vector3::from(direction),
-    };
-    Ok(place
-        .growth_in_contact(&contact, compensation)
-        .ok_or(NO_EIGENVALUES)?)
+) -> Result<Vec<Vec<Growth>>, Failure> {
+    let contacts: Vec<_> = (DIRECTIONS.iter())
+        .flat_map(|(_, direction)| {
+            WORKPIECES_N_PER_M.map(|stiffness_n_per_m| Contact {
+                stiffness_n_per_m,
+                direction: Vector3::from(*direction),
+            })
+        })
+        .collect();
+    let growths = (place.growths_in_contact(&contacts, compensation)).ok_or(NO_EIGENVALUES)?;
+    let by_direction = growths.chunks(WORKPIECES_N_PER_M.len());
+    Ok(by_direction.map(<[Growth]>::to_vec).collect())
 }
 
 /// Growth on workpieces, at home. It is told, and refuses nothing: force control has a gain of its
@@ -394,27 +396,20 @@ fn contact<const N: usize>(
 ) -> Result<(), Failure> {
     let mut numbers = serde_json::Map::new();
     let mut texts = Vec::new();
-    for (name, direction) in DIRECTIONS {
-        let mut stiffest = None;
-        let mut growths = Vec::new();
-        let mut is_stable = true;
-        for stiffness_n_per_m in WORKPIECES_N_PER_M {
-            let growth = growth_on(home, stiffness_n_per_m, direction, compensation)?;
-            is_stable &= growth.per_s < 0.0;
-            if is_stable {
-                stiffest = Some(stiffness_n_per_m);
-            }
-            growths.push(json!({
-                "n_per_m": stiffness_n_per_m,
-                "per_s": growth.per_s,
-                "hz": growth.hz,
-            }));
-        }
+    let growths = growths_in_contact(home, compensation)?;
+    for ((name, _), growths) in DIRECTIONS.iter().zip(&growths) {
+        let on_workpieces = || WORKPIECES_N_PER_M.iter().zip(growths);
+        let stiffest = on_workpieces()
+            .take_while(|(_, growth)| growth.per_s < 0.0)
+            .last();
         texts.push(match stiffest {
-            Some(stiffness) => format!("{name} to {stiffness:.0e}"),
+            Some((stiffness, _)) => format!("{name} to {stiffness:.0e}"),
             None => format!("{name} none"),
         });
-        numbers.insert(name.to_owned(), json!(growths));
+        let growths = on_workpieces().map(|(stiffness, growth)| {
+            json!({"n_per_m": stiffness, "per_s": growth.per_s, "hz": growth.hz})
+        });
+        numbers.insert((*name).to_owned(), growths.collect());
     }
     let text = format!("{} N/m, at home", texts.join(", "));
     lines.add("stable in contact", text, "contact", Value::Object(numbers));
