@@ -307,3 +307,77 @@ fn the_residual_is_the_error_of_the_worst_link() {
             .is_nan()
     );
 }
+
+/// A machine that is so many times as large; its positions stay in q-units.
+fn scaled(mut geometry: Geometry, factor: f64) -> Geometry {
+    for joint in (geometry.cart_joints_m.iter_mut())
+        .chain(&mut geometry.platform_joints_m)
+        .chain(&mut geometry.guideways)
+    {
+        *joint *= factor;
+    }
+    geometry.lengths_m = geometry.lengths_m.map(|length| length * factor);
+    geometry
+}
+
+/// Places along a way from inside, at 0, out over a border: to both sides of it, ever nearer.
+pub(crate) fn about_the_border(is_inside: impl Fn(f64) -> bool) -> impl Iterator<Item = f64> {
+    let (mut inside, mut outside) = (0.0, 4.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (inside + outside);
+        if is_inside(middle) {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    (1..52).flat_map(move |halvings| {
+        let near = 0.5_f64.powi(halvings);
+        [inside * (1.0 - near), outside * (1.0 + near)]
+    })
+}
+
+/// All directions along axes, edges and diagonals of a cube.
+pub(crate) fn directions_of_a_cube() -> impl Iterator<Item = Vector3<f64>> {
+    let along = |number: i32| f64::from(number % 3 - 1);
+    (0..27)
+        .map(move |number| Vector3::new(along(number), along(number / 3), along(number / 9)))
+        .filter(|direction| norm(direction) > 0.0)
+}
+
+/// Every threshold is a share of the machine: a larger one of the same shape has the same answers
+/// and refusals, to the bit as the factor is a power of two, also next to every border of its reach.
+#[test]
+fn size_does_not_matter() {
+    for (geometry, turn) in machines() {
+        let small = machine(geometry, &turn);
+        let home = turn * Vector3::new(0.1, 0.45, 0.6);
+        let home_q = small.inverse(&home).unwrap();
+        for factor in [0.25, 8.0] {
+            let large = machine(scaled(geometry, factor), &turn);
+            let grown = |result: Result<Vector3<f64>, KinematicsError>| {
+                result.map(|position| position * factor)
+            };
+            for direction in directions_of_a_cube() {
+                let place = |way: f64| home + direction * way;
+                for way in about_the_border(|way| small.inverse(&place(way)).is_ok()) {
+                    let (near, far) = (place(way), place(way) * factor);
+                    assert_eq!(small.inverse(&near), large.inverse(&far), "{near}");
+                    assert_eq!(
+                        small.inverse_in_assembly(&near),
+                        large.inverse_in_assembly(&far)
+                    );
+                }
+                let positions = |way: f64| -> [f64; AXES] {
+                    core::array::from_fn(|axis| {
+                        home_q[axis] + direction[axis] * way / norm(&geometry.guideways[axis])
+                    })
+                };
+                for way in about_the_border(|way| small.forward(&positions(way)).is_ok()) {
+                    let q = positions(way);
+                    assert_eq!(grown(small.forward(&q)), large.forward(&q), "{q:?}");
+                }
+            }
+        }
+    }
+}

@@ -5,7 +5,7 @@ use super::*;
 use crate::model::f1::Geometry;
 use crate::model::kinematics::{COLD_ITERATIONS, WARM_ITERATIONS};
 use crate::model::l2;
-use crate::model::l2::tests::close;
+use crate::model::l2::tests::{about_the_border, close, directions_of_a_cube};
 use crate::model::linalg::rotation_from_vector;
 use crate::model::presets::{self, F1_METRES_PER_Q};
 use crate::model::robot::Branch;
@@ -532,4 +532,75 @@ fn a_verdict_from_a_fitting_seed_stands() {
     let (machine, q) = nearly_across(&at, [1.5, 1.5, 1.5, 0.0, 0.0, 0.0], 2, 0.01);
     let found = machine.inverse(&at, Some([q[3], q[4], q[5]]));
     assert_eq!(found, Err(KinematicsError::OtherBranch { arm: Some(2) }));
+}
+
+/// A machine that is so many times as large; its positions stay in q-units.
+fn scaled(mut geometry: Geometry, factor: f64) -> Geometry {
+    for joint in (geometry.carts_m.iter_mut())
+        .chain(&mut geometry.plate_joints_m)
+        .chain(&mut geometry.platform_joints_m)
+        .chain(&mut geometry.guideways)
+    {
+        *joint *= factor;
+    }
+    geometry.lengths_m = geometry.lengths_m.map(|length| length * factor);
+    geometry
+}
+
+/// As of the L2: a machine of the same shape has the same answers and refusals, to the bit.
+#[test]
+fn size_does_not_matter() {
+    for geometry in [geometry(), skewed()] {
+        let small = kinematics(geometry);
+        let home = pose([0.1, -0.05, 0.4, 0.02, 0.1, -0.05]);
+        let home_q = small.inverse(&home, None).unwrap().value;
+        for factor in [0.25, 8.0] {
+            let large = kinematics(scaled(geometry, factor));
+            let grown = |pose: &Pose| Pose {
+                position_m: pose.position_m * factor,
+                ..*pose
+            };
+            let grown_error = |error| match error {
+                KinematicsError::NotConverged {
+                    iterations,
+                    residual_m,
+                } => KinematicsError::NotConverged {
+                    iterations,
+                    residual_m: residual_m * factor,
+                },
+                error => error,
+            };
+            for direction in directions_of_a_cube() {
+                let place = |way: f64| Pose {
+                    position_m: home.position_m + direction * way,
+                    ..home
+                };
+                for way in about_the_border(|way| small.inverse(&place(way), None).is_ok()) {
+                    let near = small.inverse(&place(way), None);
+                    let far = large.inverse(&grown(&place(way)), None);
+                    assert_eq!(
+                        near.map(|found| found.value).map_err(grown_error),
+                        far.map(|found| found.value),
+                        "{way}"
+                    );
+                }
+                let positions = |way: f64| -> [f64; AXES] {
+                    let [x, y, z] = direction.into();
+                    let moved = [x, y, z, 0.1 * y, 0.1 * z, 0.1 * x];
+                    core::array::from_fn(|axis| home_q[axis] + moved[axis] * way)
+                };
+                let from_home = |q: &[f64; AXES]| small.forward_from(q, &home, COLD_ITERATIONS);
+                for way in about_the_border(|way| from_home(&positions(way)).is_ok()) {
+                    let q = positions(way);
+                    let near = from_home(&q);
+                    let far = large.forward_from(&q, &grown(&home), COLD_ITERATIONS);
+                    assert_eq!(
+                        near.map(|found| grown(&found.value)).map_err(grown_error),
+                        far.map(|found| found.value),
+                        "{q:?}"
+                    );
+                }
+            }
+        }
+    }
 }
