@@ -241,6 +241,24 @@ mod tests {
         }
     }
 
+    /// Its series, at the largest angle that takes it, leaves rounding only; so does the other form.
+    #[test]
+    fn small_rotations_are_as_exact_as_large_ones() {
+        for share in [0.999_999, 1.000_001] {
+            let angle = sqrt(SMALL_ANGLE_SQUARED) * share;
+            let rotation = rotation_from_vector(&Vector3::new(0.0, 0.0, angle)).unwrap();
+            assert!((rotation.m21 / angle.sin() - 1.0).abs() < 1e-14);
+            let versed = 2.0 * (0.5 * angle).sin().powi(2);
+            assert!((rotation.m11 + versed - 1.0).abs() < 2e-16);
+        }
+    }
+
+    #[test]
+    fn a_cross_product_has_its_matrix() {
+        let (a, b) = (Vector3::new(1.0, -2.0, 3.0), Vector3::new(0.5, 7.0, -4.0));
+        assert_eq!(cross_matrix(&a) * b, a.cross(&b));
+    }
+
     #[test]
     fn the_maximum_keeps_nan() {
         assert_eq!(

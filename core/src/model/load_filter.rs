@@ -219,3 +219,33 @@ impl LoadFilter {
         filtered
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frequency, damping and depth each move by equal steps.
+    #[test]
+    fn a_notch_glides_evenly() {
+        let mut notch = MovingNotch::ABSENT;
+        notch.set(Some(Notch { hz: 20.0, q: 0.7 }), 1e-3, 0);
+        let from = notch.now;
+        notch.set(Some(Notch { hz: 40.0, q: 2.0 }), 1e-3, 10);
+        let to = notch.target;
+        for cycle in 1..=10 {
+            notch.advance();
+            let share = f64::from(cycle) / 10.0;
+            for (now, from, to) in [
+                (notch.now.frequency, from.frequency, to.frequency),
+                (notch.now.damping, from.damping, to.damping),
+                (notch.now.depth, from.depth, to.depth),
+            ] {
+                assert!((now - from - (to - from) * share).abs() < 1e-12, "{cycle}");
+            }
+        }
+        assert_eq!(notch.now, to);
+        notch.set(None, 1e-3, 2);
+        notch.advance();
+        assert!((notch.now.depth - 0.5).abs() < 1e-12);
+    }
+}

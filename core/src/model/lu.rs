@@ -279,6 +279,27 @@ mod tests {
         }
     }
 
+    /// The pivots are 1, 2 and `e`.
+    #[test]
+    fn a_matrix_is_singular_by_the_ratio_of_its_pivots() {
+        for (e, is_singular) in [
+            (1.5 * SINGULAR_PIVOT_RATIO, true),
+            (2.5 * SINGULAR_PIVOT_RATIO, false),
+        ] {
+            let rows = [[1.0, 1.0, 1.0], [-1.0, 1.0, 0.0], [1.0, 1.0, 1.0 + e]];
+            match Lu::factor(&rows) {
+                Ok(_) => assert!(!is_singular, "{e}"),
+                Err(KinematicsError::Singular { measure }) => {
+                    assert!(
+                        is_singular && (measure / (0.5 * e) - 1.0).abs() < 1e-3,
+                        "{e}"
+                    );
+                }
+                Err(error) => panic!("{error}"),
+            }
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
         #[test]

@@ -3,8 +3,10 @@ use crate::model::kinematics::{KinematicsError, Pose, SINGULARITY_TOLERANCE};
 use crate::model::linalg::{norm, rotation_from_vector};
 use crate::model::presets;
 use crate::model::robot::{Branch, Compliances};
+use crate::model::statics::Wrench;
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
+use std::vec::Vec;
 
 /// The example machine, its travel unchecked.
 pub(crate) fn geometry() -> Geometry {
@@ -301,6 +303,13 @@ fn the_residual_is_the_error_of_the_worst_link() {
         &q,
     );
     assert!(residual > 1e-5 && residual < 2e-4, "{residual}");
+    // Of a link that is too short as of one that is too long.
+    for shift in [1e-4, -1e-4] {
+        let mut moved = q;
+        moved[1] += shift;
+        let residual = robot.residual_m(&Pose::at(tcp), &moved);
+        assert!(residual > 1e-5 && residual < 2e-4, "{residual}");
+    }
     assert!(
         robot
             .residual_m(&Pose::at(tcp), &[f64::NAN, 0.0, 0.0])
@@ -367,6 +376,17 @@ fn size_does_not_matter() {
                         small.inverse_in_assembly(&near),
                         large.inverse_in_assembly(&far)
                     );
+                    assert_eq!(
+                        small.jacobian(&near).map(|j| j * factor),
+                        large.jacobian(&far)
+                    );
+                }
+                for way in about_the_border(|way| small.jacobian(&place(way)).is_ok()) {
+                    let (near, far) = (place(way), place(way) * factor);
+                    assert_eq!(
+                        small.jacobian(&near).map(|j| j * factor),
+                        large.jacobian(&far)
+                    );
                 }
                 let positions = |way: f64| -> [f64; AXES] {
                     core::array::from_fn(|axis| {
@@ -380,4 +400,95 @@ fn size_does_not_matter() {
             }
         }
     }
+}
+
+/// Of carts without a stated range: so many lengths of the arm, either way.
+#[test]
+fn unlimited_travel_is_by_the_length() {
+    let geometry = scaled(geometry(), 0.25);
+    let travel = machine(geometry, &Matrix3::identity()).travel();
+    for (axis, (lower, upper)) in travel.into_iter().enumerate() {
+        let reach_m = upper * norm(&geometry.guideways[axis]);
+        assert!(
+            (reach_m / geometry.lengths_m[axis] - 1e3).abs() < 1e-9,
+            "{upper}"
+        );
+        assert_eq!(lower.to_bits(), (-upper).to_bits());
+    }
+}
+
+/// As large as its machine: the turn of the platform up to which links of a cluster run parallel.
+#[test]
+fn the_tau_property_is_a_share_of_the_lengths() {
+    let small = Robot::new(geometry()).unwrap();
+    let large = Robot::new(scaled(geometry(), 8.0)).unwrap();
+    let mut taken = 0;
+    for halvings in 20..50 {
+        let turn = rotation_from_vector(&Vector3::new(0.0, 0.0, 0.5_f64.powi(halvings))).unwrap();
+        let [small, large] = [&small, &large].map(|robot| Kinematics::new(robot, &turn).is_ok());
+        assert_eq!(small, large, "{halvings}");
+        taken += u32::from(small);
+    }
+    assert!(taken > 5 && taken < 25, "{taken}");
+}
+
+/// Under the same force, and a moment that is so many times as large, links of the same compliance
+/// give way by as much.
+#[test]
+fn a_larger_machine_gives_way_by_as_much() {
+    let factor = 8.0;
+    let load = |lever: f64| Wrench {
+        force_n: Vector3::new(30.0, -20.0, 50.0),
+        moment_nm: Vector3::new(2.0, 3.0, -1.0) * lever,
+    };
+    for (geometry, turn) in machines() {
+        let tcp = turn * Vector3::new(0.1, 0.45, 0.6);
+        let [small, large] = [1.0, factor].map(|factor| {
+            let nominal = machine(scaled(geometry, factor), &turn);
+            let q = nominal.inverse(&(tcp * factor)).unwrap();
+            let elastic = Elastic::new(&nominal, &compliances());
+            elastic
+                .deflection(&(tcp * factor), &q, &load(factor))
+                .unwrap()
+        });
+        assert_eq!(small.translation_m, large.translation_m);
+    }
+}
+
+/// CRC-32 of the numbers in the order of the wire format's page, the orientation row by row; a zero
+/// has no sign.
+#[test]
+fn the_checksum_is_that_of_the_numbers() {
+    let (geometry, turn) = skewed();
+    let metres_per_q = [1.0, 0.5, 2.0];
+    let mut numbers: Vec<f64> = Vec::new();
+    for vectors in [
+        &geometry.cart_joints_m[..],
+        &geometry.guideways,
+        &geometry.platform_joints_m,
+    ] {
+        numbers.extend(vectors.iter().flat_map(|vector| vector.iter()));
+    }
+    numbers.extend(geometry.lengths_m);
+    numbers.extend(geometry.configuration.inverse.map(Branch::sign));
+    numbers.push(geometry.configuration.forward.sign());
+    for row in 0..3 {
+        numbers.extend((0..3).map(|column| turn[(row, column)]));
+    }
+    numbers.extend(metres_per_q);
+    let bytes: Vec<u8> = numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect();
+    let expected = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes);
+    assert_eq!(machine(geometry, &turn).checksum(&metres_per_q), expected);
+
+    let sum_with = |zero: f64| {
+        let mut geometry = geometry;
+        geometry.cart_joints_m[0].x = zero;
+        let robot = Robot::new(geometry).unwrap();
+        crate::model::robot::checksum(robot.numbers())
+    };
+    assert_eq!(sum_with(0.0), sum_with(-0.0));
+    assert_ne!(sum_with(0.0), sum_with(1e-9));
 }

@@ -267,6 +267,30 @@ fn notches_glide() {
     }
 }
 
+/// A notch that is set while the sensor is tared is there at once; one that is set later comes.
+#[test]
+fn notches_glide_only_after_the_tare() {
+    let notches = [Some(Notch { hz: 20.7, q: 0.7 }), None, None];
+    let mut whole = of_second_order(6.0, &[]);
+    whole.restart_tare();
+    whole.set_notches(&notches).unwrap();
+    let mut given = of_second_order(6.0, &[Notch { hz: 20.7, q: 0.7 }]);
+    given.restart_tare();
+    let mut late = of_second_order(6.0, &[]);
+    late.restart_tare();
+    while late.state().tare_remaining > 0 {
+        for sensor in [&mut whole, &mut given, &mut late] {
+            let still = Wrench::zero();
+            sensor.update(&still, &Matrix3::identity()).unwrap();
+        }
+    }
+    late.set_notches(&notches).unwrap();
+    let [whole, given, late] =
+        [&mut whole, &mut given, &mut late].map(|sensor| next(sensor, 300.0));
+    assert_eq!(whole.to_bits(), given.to_bits());
+    assert!((late - given).abs() > 1e-3, "{late} {given}");
+}
+
 /// The energy of the integrators of a resonant notch never grows without input, however its
 /// frequency moves.
 #[test]

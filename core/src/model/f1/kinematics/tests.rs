@@ -207,6 +207,10 @@ fn what_has_no_answer_is_named() {
         bad[4] = wild;
         assert_eq!(f1.forward(&bad).unwrap_err(), KinematicsError::NotFinite);
         assert_eq!(
+            f1.forward_from(&bad, &at, 10).unwrap_err(),
+            KinematicsError::NotFinite
+        );
+        assert_eq!(
             f1.inverse(&at, Some([0.0, wild, 0.0])).unwrap_err(),
             KinematicsError::NotFinite
         );
