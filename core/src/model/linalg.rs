@@ -247,8 +247,8 @@ mod tests {
         for share in [0.999_999, 1.000_001] {
             let angle = sqrt(SMALL_ANGLE_SQUARED) * share;
             let rotation = rotation_from_vector(&Vector3::new(0.0, 0.0, angle)).unwrap();
-            assert!((rotation.m21 / angle.sin() - 1.0).abs() < 1e-14);
-            let versed = 2.0 * (0.5 * angle).sin().powi(2);
+            assert!((rotation.m21 / sin(angle) - 1.0).abs() < 1e-14);
+            let versed = 2.0 * sin(0.5 * angle).powi(2);
             assert!((rotation.m11 + versed - 1.0).abs() < 2e-16);
         }
     }

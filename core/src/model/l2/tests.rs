@@ -1,8 +1,8 @@
 use super::*;
-use crate::model::kinematics::{KinematicsError, Pose, SINGULARITY_TOLERANCE};
+use crate::model::kinematics::{KinematicsError, Pose, SINGULARITY_TOLERANCE, is_pose};
 use crate::model::linalg::{norm, rotation_from_vector};
 use crate::model::presets;
-use crate::model::robot::{Branch, Compliances};
+use crate::model::robot::{ARMS, Branch, Compliances, MAX_LENGTH_M};
 use crate::model::statics::Wrench;
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
@@ -258,6 +258,16 @@ fn pose_and_positions_must_belong_together() {
         nominal.link_frame(&tcp, &q),
         Err(KinematicsError::NotFinite)
     );
+    let q = nominal.inverse(&tcp).unwrap();
+    for component in 0..3 {
+        let mut bad = tcp;
+        bad[component] = f64::NAN;
+        assert!(!is_pose(&Pose::at(bad)));
+        assert_eq!(
+            nominal.link_frame(&bad, &q),
+            Err(KinematicsError::NotFinite)
+        );
+    }
 }
 
 #[test]
@@ -399,6 +409,50 @@ fn size_does_not_matter() {
                 }
             }
         }
+    }
+}
+
+/// The measure of a pose that is refused is within the tolerance.
+#[test]
+fn a_refused_pose_is_measured() {
+    let nominal = l2();
+    let mut refused = 0;
+    for direction in directions_of_a_cube() {
+        let place = |way: f64| Vector3::new(0.1, 0.45, 0.6) + direction * way;
+        for way in about_the_border(|way| nominal.jacobian(&place(way)).is_ok()) {
+            if let Err(KinematicsError::Singular { measure }) = nominal.jacobian(&place(way)) {
+                assert!(
+                    (0.0..=SINGULARITY_TOLERANCE).contains(&measure),
+                    "{measure}"
+                );
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 100, "{refused}");
+}
+
+/// Bounds belong to what they bound.
+#[test]
+fn parameters_at_their_bounds_are_taken() {
+    let mut least = geometry();
+    least.lengths_m = [1e-6; ARMS];
+    assert!(Robot::new(least).is_ok());
+    let mut most = geometry();
+    most.lengths_m = [MAX_LENGTH_M; ARMS];
+    most.cart_joints_m[3] = Vector3::new(0.0, -MAX_LENGTH_M, 0.0);
+    assert!(Robot::new(most).is_ok());
+    most.cart_joints_m[3].y *= 1.0 + 1e-12;
+    assert!(Robot::new(most).is_err());
+}
+
+#[test]
+fn a_load_is_finite_in_every_component() {
+    for component in 0..6 {
+        let mut load = [1.0; 6];
+        assert!(Wrench::from_array(load).is_finite());
+        load[component] = f64::NAN;
+        assert!(!Wrench::from_array(load).is_finite());
     }
 }
 
