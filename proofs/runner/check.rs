@@ -1,7 +1,7 @@
 //! Agreement of manifest, mutants, sources and the page of results. Every disagreement is a
 //! sentence.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use gantry_tau_proofs::harness::{HARNESSES, Harness};
@@ -132,6 +132,25 @@ pub(crate) fn untried(standings: &Standings<'_>) -> Vec<String> {
     open.dedup_by(|next, one| next.0 == one.0);
     open.into_iter()
         .map(|(text, name)| format!("UNTRIED: \"{text}\" of {name}: no mutant makes it fail"))
+        .collect()
+}
+
+/// Shares of the results by versions of Kani other than the pinned one.
+pub(crate) fn other_versions(standings: &Standings<'_>, pinned: &str) -> Vec<String> {
+    let mut by_version = BTreeMap::<&str, usize>::new();
+    for (_, standing) in standings {
+        if let Standing::Current(entry) = standing {
+            *by_version.entry(&entry.kani).or_default() += 1;
+        }
+    }
+    let all: usize = by_version.values().sum();
+    (by_version.into_iter())
+        .filter(|(version, _)| *version != pinned)
+        .map(|(version, share)| {
+            format!(
+                "VERSION: {share} of {all} results on this source are by Kani {version}; proofs/kani-version pins {pinned}"
+            )
+        })
         .collect()
 }
 

@@ -32,7 +32,8 @@ use crate::sources::Sources;
 /// The proofs of gantry-tau-core.
 ///
 /// Exit codes: 0 all as expected; 1 something not; 2 usage; 3 Kani is missing, nothing was proved;
-/// 4 the files disagree; 5 the files agree, and `check --strict` misses results on this source.
+/// 4 the files disagree; 5 the files agree, and `check --strict` misses results on this source, or
+/// a mutant for one of their checks.
 #[derive(Debug, Parser)]
 #[command(name = "gantry-tau-proofs", version, max_term_width = 100)]
 struct Arguments {
@@ -47,11 +48,12 @@ struct Arguments {
 enum Command {
     /// Give every harness and every mutant to Kani, one at a time; begins with `check`
     Prove(Prove),
-    /// Compare manifest, harnesses, mutants, results and the page proofs/RESULTS.md, and name the
-    /// rows without a result on this source (STALE); needs no Kani
+    /// Compare manifest, harnesses, mutants, results and the page proofs/RESULTS.md; name the rows
+    /// without a result on this source (STALE), checks that no mutant makes fail (UNTRIED) and the
+    /// share of results by other versions of Kani than the pinned one (VERSION); needs no Kani
     Check {
-        /// Also fail when a row has no result on this source, or a table says "proved" of its
-        /// theorem: for a release
+        /// Also fail when a row has no result on this source, a table says "proved" of its
+        /// theorem, or no mutant makes one of its checks fail: for a release
         #[arg(long)]
         strict: bool,
         /// Also compile core with the mutants
@@ -192,13 +194,21 @@ fn results_exist(
     strict: bool,
 ) -> Result<(), Failure> {
     let unproved = check::unproved(root, manifest, standings)?;
-    unproved.iter().for_each(|line| println!("{line}"));
-    check::untried(standings)
-        .iter()
-        .for_each(|line| println!("{line}"));
-    if strict && !unproved.is_empty() {
-        let message = "check --strict: not every row has a result on this source; `prove --stale --tier full`";
-        return Err(Failure(exit::STALE, message.to_owned()));
+    let untried = check::untried(standings);
+    let pinned = read(&root.join("proofs/kani-version"))?;
+    let versions = check::other_versions(standings, pinned.trim());
+    for line in unproved.iter().chain(&untried).chain(&versions) {
+        println!("{line}");
+    }
+    let message = if !unproved.is_empty() {
+        "not every row has a result on this source; `prove --stale --tier full`"
+    } else if !untried.is_empty() {
+        "a check that no mutant makes fail may be one of nothing; write a mutant"
+    } else {
+        return Ok(());
+    };
+    if strict {
+        return Err(Failure(exit::STALE, format!("check --strict: {message}")));
     }
     Ok(())
 }

@@ -31,6 +31,22 @@ fn files_agree() {
         .unwrap();
 }
 
+/// "Proved" has a version: that of the checker that ran, not the pinned one.
+#[test]
+fn the_readme_names_the_versions_that_proved() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let results = std::fs::read_to_string(root.join("results.json")).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&results).unwrap();
+    let rows = results["rows"].as_array().unwrap();
+    let versions: std::collections::BTreeSet<&str> = (rows.iter())
+        .map(|row| row["kani"].as_str().unwrap())
+        .collect();
+    let versions = Vec::from_iter(versions).join(", ");
+    let readme = std::fs::read_to_string(root.join("../README.md")).unwrap();
+    let named = format!("model checker ({versions})");
+    assert!(readme.contains(&named), "{named}");
+}
+
 /// A line of the pages can be read without scrolling sideways.
 #[test]
 fn pages_have_short_lines() {
@@ -837,14 +853,12 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
         );
         assert!(toy.run(&["table"]).status.success());
         let check = "Check 9: x.assertion.1\n\t - Status: STATUS\n\t - Description: \"\"TEXT\"\"\n\t - Location: proofs/src/x.rs:1:1 in function x\n";
-        let theorems: String = (1..=26)
-            .chain([33])
-            .map(|number| {
-                check
-                    .replace("STATUS", "SUCCESS")
-                    .replace("TEXT", &format!("T{number}: all"))
-            })
-            .collect();
+        let of_theorems = |status: &str| -> String {
+            let numbers = (1..=26).chain([33]);
+            let texts = numbers.map(|number| check.replace("TEXT", &format!("T{number}: all")));
+            texts.map(|check| check.replace("STATUS", status)).collect()
+        };
+        let theorems = of_theorems("SUCCESS");
         let required: String = texts(&toy, "requires = ", "proofs/manifest.toml")
             .iter()
             .map(|text| check.replace("STATUS", "SUCCESS").replace("TEXT", text))
@@ -861,6 +875,24 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
             "recorded failed; cat $root/bin/fails; exit 1",
         );
         let output = toy.run(&["prove", "--tier", "full"]);
+        assert!(output.status.success(), "{}", out(&output));
+        // What no mutant makes fail may be a check of nothing.
+        let said = out(&strict(&toy));
+        assert_eq!(strict(&toy).status.code(), Some(5), "{said}");
+        assert!(
+            said.contains("UNTRIED: \"T5: all\" of ") && !said.contains("STALE"),
+            "{said}"
+        );
+        assert_eq!(toy.run(&["check"]).status.code(), Some(0));
+        let mut required = required.replace("SUCCESS", "FAILURE");
+        for text in ["T5: fine", "T5: one instance is enough"] {
+            required += &check.replace("STATUS", "FAILURE").replace("TEXT", text);
+        }
+        toy.write(
+            "bin/fails",
+            &format!("{fails}{required}{}", of_theorems("FAILURE")),
+        );
+        let output = toy.run(&["prove", NAMES[2]]);
         assert!(output.status.success(), "{}", out(&output));
         assert_eq!(
             strict(&toy).status.code(),
