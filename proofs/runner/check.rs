@@ -8,7 +8,7 @@ use gantry_tau_proofs::harness::{HARNESSES, Harness};
 
 use crate::manifest::Manifest;
 use crate::results::{Results, Standing, Standings};
-use crate::sources;
+use crate::sources::{self, Sources};
 use crate::{composition, files, flags, mutate, page, read, verdict};
 
 /// Every harness of the source.
@@ -26,9 +26,11 @@ pub(crate) fn check(
     root: &Path,
     manifest: &Manifest,
     results: &Results,
+    sources: &Sources,
     standings: &Standings<'_>,
 ) -> Result<Vec<String>, String> {
     let mut wrong = rows_make_sense(manifest);
+    wrong.extend(sources.left_out());
     wrong.extend(harnesses_agree(manifest));
     wrong.extend(mutants_apply(root, manifest));
     wrong.extend(families_are_tried(root, manifest)?);
@@ -42,6 +44,7 @@ pub(crate) fn check(
     }
     wrong.extend(sources::strays(root)?);
     wrong.extend(flags::in_manifests(root)?);
+    wrong.extend(flags::build_scripts(root)?);
     wrong.extend(composition::disagreements(
         &read(&root.join("proofs/composition.md"))?,
         manifest,

@@ -44,6 +44,27 @@ pub(crate) fn in_manifests(root: &Path) -> Result<Vec<String>, String> {
     Ok(wrong)
 }
 
+/// Build scripts of what is proved: they may write sources and set flags, which no hash has.
+pub(crate) fn build_scripts(root: &Path) -> Result<Vec<String>, String> {
+    let mut wrong = Vec::new();
+    for part in ["core", "proofs", "proofs/capi", "host/labcomm"] {
+        let path = root.join(part).join("Cargo.toml");
+        if !path.is_file() {
+            continue;
+        }
+        let manifest: Table = toml::from_str(&read(&path)?).map_err(at(&path))?;
+        let is_named = manifest
+            .get("package")
+            .is_some_and(|package| package.get("build").is_some());
+        if is_named || path.with_file_name("build.rs").exists() {
+            wrong.push(format!(
+                "{part}: a build script changes what Kani proves, and no result would say so"
+            ));
+        }
+    }
+    Ok(wrong)
+}
+
 /// True for the flags that the proofs have.
 fn is_own(flags: &Value) -> bool {
     toml::from_str::<Table>(OWN).is_ok_and(|own| *flags == Value::Table(own))

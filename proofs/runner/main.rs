@@ -140,7 +140,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Check { strict, compile } => {
             let (results, sources) = (Results::load(&root)?, Sources::read(&root)?);
             let standings = results.standings(&manifest, &sources);
-            files_agree(&root, &manifest, &results, &standings)?;
+            files_agree(&root, &manifest, &results, &sources, &standings)?;
             results_exist(&root, &manifest, &standings, strict)?;
             if compile {
                 mutate::compile(&root, &manifest.mutants)?;
@@ -159,7 +159,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             let _ = std::fs::remove_file(options.out(&root).join("results.md"));
             let (results, sources) = (Results::load(&root)?, Sources::read(&root)?);
             let standings = results.standings(&manifest, &sources);
-            files_agree(&root, &manifest, &results, &standings)?;
+            files_agree(&root, &manifest, &results, &sources, &standings)?;
             prove::prove(&root, &manifest, &options, results, sources)?;
         }
     }
@@ -171,9 +171,10 @@ fn files_agree(
     root: &Path,
     manifest: &Manifest,
     results: &Results,
+    sources: &Sources,
     standings: &Standings<'_>,
 ) -> Result<(), Failure> {
-    let disagreements = check::check(root, manifest, results, standings)?;
+    let disagreements = check::check(root, manifest, results, sources, standings)?;
     if !disagreements.is_empty() {
         let message = format!("check:\n  {}", disagreements.join("\n  "));
         return Err(Failure(exit::FILES_DISAGREE, message));

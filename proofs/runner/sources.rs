@@ -5,9 +5,10 @@
 //! - core without the wings that its family does not name: `model`, and `position_loop`;
 //! - the file of its family, the properties that file names, and those that they name;
 //! - the C interface, and LabComm, where these name it;
-//! - of the manifests and of Cargo.lock, the parts that concern core and what it is made of;
-//! - the row itself: its theorems and named checks; of a mutant, the file with its fault, and the
-//!   check that must fail;
+//! - of the manifests, of Cargo.lock and of Cargo's configuration, the parts that concern core and
+//!   what it is made of;
+//! - the row itself: its theorems and named checks, and what it says of property, domain and
+//!   assumptions; of a mutant, the file with its fault, and the check that must fail;
 //! - the flags of Kani, and the rules of this program.
 //!
 //! A wing is the finest part of core that can be recognised from the text alone. Core compiles
@@ -32,7 +33,7 @@ use crate::{at, files, kani, mutate, read};
 
 /// Raised when this program judges Kani's output by other rules: earlier results are then of
 /// another source.
-const RULES: u32 = 1;
+const RULES: u32 = 2;
 
 /// Part of core behind a feature of its own, without which core compiles: a module, and all below
 /// it.
@@ -64,6 +65,8 @@ pub(crate) struct Sources {
     families: BTreeMap<&'static str, Hash>,
     /// Texts of the files that the hashes are made of, by their paths from the root.
     texts: BTreeMap<String, String>,
+    /// Sources that no hash has, by their paths from the root.
+    left_out: Vec<String>,
 }
 
 impl Sources {
@@ -95,7 +98,27 @@ impl Sources {
         let mut known = Known::default();
         let families = names.map(|name| Ok((name, family(root, name, &mut known)?)));
         let families = families.collect::<Result<_, String>>()?;
-        Ok(Self { families, texts })
+        let proofs = root.join("proofs/src");
+        known
+            .tests
+            .extend(OF_TESTS.map(|module| proofs.join(module)));
+        let mut left_out: Vec<_> = texts.keys().cloned().collect();
+        left_out.retain(|path| {
+            let file = root.join(path);
+            path.ends_with(".rs") && !known.counted.contains(&file) && !known.is_of_tests(&file)
+        });
+        Ok(Self {
+            families,
+            texts,
+            left_out,
+        })
+    }
+
+    /// Sources that no hash has: a change of one would leave every result current.
+    pub(crate) fn left_out(&self) -> Vec<String> {
+        let all = self.left_out.iter();
+        all.map(|path| format!("{path}: is a part of no row; its changes would be overlooked"))
+            .collect()
     }
 
     /// Hash of everything that the verdict of a row depends on, or of a mutant of its harness.
@@ -103,9 +126,10 @@ impl Sources {
         let mut hash = self.families.get(family).copied().unwrap_or(Hash::NONE);
         hash.add(&row.name);
         match mutant {
-            None => [&row.theorems, &row.requires, &row.leaves_out]
+            None => [&row.theorems, &row.requires, &row.leaves_out, &row.assumes]
                 .into_iter()
                 .flatten()
+                .chain([&row.property, &row.domain])
                 .for_each(|text| hash.add(text)),
             Some(mutant) => [&mutant.file, &self.fault(mutant), &mutant.fails]
                 .into_iter()
@@ -138,9 +162,16 @@ const MANIFESTS: [&str; 5] = [
     "proofs/capi/Cargo.toml",
 ];
 
+/// Modules of the proofs that property tests and fuzz targets alone use, and no harness.
+const OF_TESTS: [&str; 4] = ["known_solution", "reference_model", "robots", "scenario"];
+
+/// Configuration of Cargo, which a repository need not have.
+const CONFIGURATION: &str = ".cargo/config.toml";
+
 /// Texts of all files that the hashes are made of, by their paths from the root.
 fn texts(root: &Path) -> Result<BTreeMap<String, String>, String> {
     let mut paths = Vec::from(MANIFESTS.map(|path| root.join(path)));
+    paths.extend(Some(root.join(CONFIGURATION)).filter(|path| path.is_file()));
     for folder in mutate::FOLDERS.iter().chain(&["proofs/src"]) {
         paths.extend(files(&root.join(folder))?);
     }
@@ -173,9 +204,19 @@ struct Known {
     /// Hashes of the manifests without some features.
     cargos: BTreeMap<Vec<&'static str>, Hash>,
     programs: BTreeMap<PathBuf, Program>,
+    /// Files that a hash has.
+    counted: BTreeSet<PathBuf>,
+    /// Modules that only tests have: their files and folders without the end `.rs`.
+    tests: BTreeSet<PathBuf>,
 }
 
 impl Known {
+    /// True for a file of a module that only tests have.
+    fn is_of_tests(&self, file: &Path) -> bool {
+        let module = file.with_extension("");
+        (module.ancestors()).any(|folder| self.tests.contains(folder))
+    }
+
     /// Program of a file.
     fn program(&mut self, path: &Path) -> Result<Program, String> {
         if let Some(program) = self.programs.get(path) {
@@ -207,6 +248,7 @@ fn family(root: &Path, name: &str, known: &mut Known) -> Result<Hash, String> {
                 continue;
             }
             let text = known.program(&path)?.text;
+            known.counted.insert(path);
             names.extend(mentioned(&text));
             texts.insert(name, text);
         }
@@ -337,7 +379,11 @@ fn library(
     } else {
         file.with_extension("")
     };
+    known.counted.insert(file.to_owned());
     for module in modules {
+        if module.is_test() {
+            known.tests.insert(folder.join(&module.name));
+        }
         if module.is_test() || left_out.iter().any(|feature| module.is_behind(feature)) {
             continue;
         }
@@ -419,9 +465,19 @@ fn cargo(root: &Path, left_out: &[&str]) -> Result<Hash, String> {
         get(&workspace, &["workspace", "package", "edition"]),
         features.as_ref(),
         get(&core, &["dependencies"]),
+        get(&core, &["lib"]),
         get(&core, &["package", "edition"]),
+        get(&proofs, &["dependencies", "gantry-tau-core"]),
+        get(&proofs, &["lib"]),
         get(&proofs, &["package", "metadata"]),
     ];
+    // Flags of the compiler.
+    let configuration = if root.join(CONFIGURATION).is_file() {
+        table(&root.join(CONFIGURATION))?
+    } else {
+        Table::new()
+    };
+    parts.extend(["build", "profile", "target", "unstable"].map(|key| configuration.get(key)));
     parts.extend(names.iter().map(|name| shared?.get(name)));
     parts
         .iter()

@@ -110,6 +110,7 @@ mod on_a_copy {
             }
             let toy = Self { root };
             toy.write("proofs/kani-version", "0.68.0\n");
+            toy.write(".cargo/config.toml", "[build]\n");
             toy.cut_mutants();
             assert!(toy.run(&["table"]).status.success());
             toy.root
@@ -223,6 +224,33 @@ Cargo.toml ~ [profile.bench] ~ [workspace.metadata.kani.unstable] ~ [workspace.m
 proofs/results.json ~ {"name":"channel_ramp_is_exact" ~ {"name":"ramp" ~ proofs/results.json: ramp is not in the manifest
 proofs/RESULTS.md ~ # Results ~ # Some results ~ proofs/RESULTS.md: differs from manifest, mutants and results; run `table`
 proofs/RESULTS.md ~ | `motors_paired_are_equal` | T10 | ~ | `motors_paired_are_equal` | T11 | ~ proofs/RESULTS.md: differs from manifest, mutants and results; run `table`"#;
+
+    /// A file that no row depends on, and one that may write others.
+    #[test]
+    fn sources_without_a_row_are_named() {
+        let toy = Toy::new("without_a_row");
+        for (file, said) in [
+            (
+                "core/src/control/stray.rs",
+                "core/src/control/stray.rs: is a part of no row",
+            ),
+            (
+                "proofs/src/properties/stray.rs",
+                "proofs/src/properties/stray.rs: is a part of no row",
+            ),
+            (
+                "core/build.rs",
+                "core: a build script changes what Kani proves",
+            ),
+        ] {
+            toy.write(file, "fn main() {}\n");
+            let output = toy.run(&["check"]);
+            assert_eq!(output.status.code(), Some(4), "{file}");
+            assert!(out(&output).contains(said), "{}", out(&output));
+            std::fs::remove_file(toy.root.join(file)).unwrap();
+        }
+        assert_eq!(toy.run(&["check"]).status.code(), Some(0));
+    }
 
     #[test]
     fn every_disagreement_is_named() {
@@ -568,9 +596,13 @@ proofs/src/harness/channel.rs ~ [minisat] ~ [kissat] ~ stale
 proofs/src/harness.rs ~ kani::assume($condition); ~ kani::assume(true); ~ stale
 proofs/src/properties.rs ~ pub mod axis; ~ use core::any as _;\npub mod axis; ~ stale
 proofs/manifest.toml ~ theorems = ["T5"] ~ theorems = ["T5", "T1"] ~ stale
+proofs/manifest.toml ~ never past it; the magnitude ~ never past it; the size ~ stale
 Cargo.toml ~ opt-level = 1 ~ opt-level = 2 ~ stale
 core/Cargo.toml ~ heapless = "0.8" ~ heapless = "0.8.0" ~ stale
 core/Cargo.toml ~ default = ["model", "position-loop"] ~ default = ["position-loop"] ~ stale
+core/Cargo.toml ~ [dependencies] ~ [lib]\npath = "src/lib.rs"\n\n[dependencies] ~ stale
+proofs/Cargo.toml ~ features = ["model", "verification"] ~ features = ["model", "std", "verification"] ~ stale
+.cargo/config.toml ~ [build] ~ [build]\nrustflags = ["--cfg", "other"] ~ stale
 Cargo.lock ~ name = "heapless"\nversion = "0.8 ~ name = "heapless"\nversion = "0.9 ~ stale"#;
 
     /// As [`EDITS`], of a harness of `position_loop`: a wing of core counts for the rows that name
