@@ -32,6 +32,7 @@ pub(crate) fn check(
     let mut wrong = rows_make_sense(manifest);
     wrong.extend(sources.left_out());
     wrong.extend(harnesses_agree(manifest));
+    wrong.extend(axes_agree(root, manifest)?);
     wrong.extend(mutants_apply(root, manifest));
     wrong.extend(families_are_tried(root, manifest)?);
     for folder in mutate::FOLDERS.iter().chain(&["proofs/src"]) {
@@ -143,7 +144,8 @@ pub(crate) fn other_versions(standings: &Standings<'_>, pinned: &str) -> Vec<Str
     let mut by_version = BTreeMap::<&str, usize>::new();
     for (_, standing) in standings {
         if let Standing::Current(entry) = standing {
-            *by_version.entry(&entry.kani).or_default() += 1;
+            let share = by_version.entry(&entry.kani).or_default();
+            *share = share.saturating_add(1);
         }
     }
     let all: usize = by_version.values().sum();
@@ -281,6 +283,58 @@ fn harnesses_agree(manifest: &Manifest) -> Vec<String> {
         missing.map(|harness| format!("{}: in the source, not in the manifest", harness.name)),
     );
     wrong
+}
+
+/// A domain that begins with a number of axes says that of its harness.
+fn axes_agree(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
+    let mut wrong = Vec::new();
+    for row in &manifest.harnesses {
+        let Some((said, harness)) = axes_said(&row.domain).zip(harness(&row.name)) else {
+            continue;
+        };
+        let family = harness.family();
+        let text = read(&root.join(format!("proofs/src/harness/{family}.rs")))?;
+        let found = axes_of(&text, harness);
+        if found != BTreeSet::from([said]) {
+            let found: Vec<String> = found.iter().map(ToString::to_string).collect();
+            wrong.push(format!(
+                "{}: its domain begins with \"{}\", its harness has {}",
+                row.name,
+                row.domain.split(':').next().unwrap_or_default(),
+                found.join(" and ")
+            ));
+        }
+    }
+    Ok(wrong)
+}
+
+/// Number of axes that a domain begins with.
+fn axes_said(domain: &str) -> Option<u32> {
+    [("one axis", 1), ("three axes", 3), ("six axes", 6)]
+        .into_iter()
+        .find_map(|(words, number)| domain.starts_with(words).then_some(number))
+}
+
+/// Numbers of axes that a harness names (`<3>`); if it names none that of its file (`AXES`), or one.
+fn axes_of(text: &str, harness: &Harness) -> BTreeSet<u32> {
+    let begin = |name: &str| text.find(&format!("\n    {name} ["));
+    let Some(first) = begin(harness.name) else {
+        return BTreeSet::new();
+    };
+    let others = declared().filter_map(|other| begin(other.name));
+    let end = others.filter(|other| *other > first).min();
+    let own = text
+        .get(first..end.unwrap_or(text.len()))
+        .unwrap_or_default();
+    let named: BTreeSet<u32> = (own.split('<').skip(1))
+        .filter_map(|part| part.split_once('>')?.0.parse().ok())
+        .collect();
+    if !named.is_empty() {
+        return named;
+    }
+    let constant = text.split_once("const AXES: usize = ");
+    let number = constant.and_then(|(_, rest)| rest.split_once(';')?.0.parse().ok());
+    BTreeSet::from([number.unwrap_or(1)])
 }
 
 /// Each mutant changes one place of what is proved, and names a harness and a check.

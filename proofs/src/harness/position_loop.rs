@@ -222,14 +222,14 @@ harnesses! {
         loops::integral_is_bounded(integral, kani::any(), kani::any(), most);
     }
     position_loop_follows_its_terms [minisat, unwind 6, stub(gantry_tau_core::verification::position_loop::product, crate::harness::position_loop::unknown::product)] { check(loops::follows_its_terms); }
-    position_loops_run_together [minisat, unwind 6, stub(gantry_tau_core::verification::position_loop::product, crate::harness::position_loop::unknown::any)] { loops::axes_run_together(&any_loops()); }
+    position_loops_run_together [minisat, unwind 6, stub(gantry_tau_core::verification::position_loop::product, crate::harness::position_loop::unknown::any)] { loops::axes_run_together::<3>(&any_loops()); }
     position_loops_are_bounded [minisat, unwind 6, stub(gantry_tau_core::verification::position_loop::product, crate::harness::position_loop::unknown::any)] {
-        loops::axis_of_many_is_bounded(&any_loops(), any_below(3));
+        loops::axis_of_many_is_bounded::<3>(&any_loops(), any_below(3));
     }
     position_loops_act_alone [minisat, unwind 12, stub(gantry_tau_core::control::position_loop::PositionLoop::act, crate::harness::position_loop::given::act)] {
-        loops::axis_of_many_acts_alone(&any_loops(), any_below(3));
+        loops::axis_of_many_acts_alone::<3>(&any_loops(), any_below(3));
     }
     position_loops_are_refused [minisat, unwind 6, stub(gantry_tau_core::verification::position_loop::product, crate::harness::position_loop::unknown::any)] {
-        loops::refused_references_are_not_in_force(&any_loops(), any_below(3), &kani::any());
+        loops::refused_references_are_not_in_force::<3>(&any_loops(), any_below(3), &kani::any());
     }
 }

@@ -207,6 +207,8 @@ proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "channel_ramp_is_
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = [] ~ motors_paired_are_equal: proves no theorem
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T1"] ~ T10: no harness proves a part of it
 proofs/manifest.toml ~ theorems = ["T10"] ~ theorems = ["T27"] ~ T27 is not a theorem
+proofs/manifest.toml ~ domain = "six axes: any parameters ~ domain = "three axes: any parameters ~ total_start_of_six: its domain begins with "three axes", its harness has 6
+proofs/manifest.toml ~ domain = "three axes: any session, any epochs ~ domain = "six axes: any session, any epochs ~ its domain begins with "six axes", its harness has 3
 proofs/mutants.toml ~ harness = "endpoint_events_are_counted" ~ harness = "endpoint" ~ its harness endpoint is not in the manifest
 proofs/mutants.toml ~ fails = "T5: never past zero" ~ fails = "" ~ names no check that must fail
 proofs/mutants.toml ~ new = "let rest = u32::MAX;" ~ new = "let rest = self.value.unsigned_abs();" ~ changes nothing
