@@ -305,16 +305,11 @@ fn solve_shifted<const N: usize>(
     mut right: Vec<ComplexRow<N>>,
 ) -> Vec<ComplexRow<N>> {
     let size = hessenberg.nrows();
-    // Of each row only what is not zero.
-    let mut left = vec![Complex::from(0.0); size * size];
-    let rows = left.chunks_mut(size).zip(hessenberg.column_iter());
-    for (row, (entries, given)) in rows.enumerate() {
-        let first = row.saturating_sub(1);
-        for (entry, given) in entries.iter_mut().zip(given.iter()).skip(first) {
-            *entry = Complex::from(-given);
-        }
-        entries[row] += z;
+    let mut left = hessenberg.map(|entry| Complex::from(-entry));
+    for row in 0..size {
+        left[(row, row)] += z;
     }
+    let left = left.as_mut_slice();
     for row in 1..size {
         let (above, below) = left.split_at_mut(row * size);
         let above = &mut above[(row - 1) * size + row - 1..];
