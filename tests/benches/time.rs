@@ -8,17 +8,9 @@
 mod setup;
 
 use divan::{Bencher, black_box};
-use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::control::message::{ClientMessage, Mode};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_client, encode_client};
 use gantry_tau_core::model::kinematics::WARM_ITERATIONS;
-use gantry_tau_core::units::{TorquePermille, VelocityUmS};
-use gantry_tau_machine::model::{F1_MOTORS, L2_MOTORS, MachineKind};
-use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::plant::Plant;
-use gantry_tau_server::plant::interpolator::Motion;
-use gantry_tau_sim::load_generator::load_generator;
-use gantry_tau_sim::machine::SimulatedMachine;
 
 fn main() {
     divan::main();
@@ -94,47 +86,4 @@ fn deframe_and_decode(bencher: Bencher<'_, '_>) {
 fn parse_a_datagram(bencher: Bencher<'_, '_>) {
     let bytes = encode_client(&ClientMessage::Command(setup::a_command().1));
     bencher.bench_local(|| Frame::parse(black_box(&bytes)).is_ok());
-}
-
-/// A cycle of a machine with masses on its way: a millisecond of its time. Most cost what the median
-/// says; every 5 mm its damping is found again, and those are the slowest.
-fn moving_machine<K: MachineKind<N>, const N: usize, const M: usize>(
-    bencher: Bencher<'_, '_>,
-    robot: &RobotFile<K, N>,
-) {
-    let (_hand, tool) = load_generator();
-    let home_q = robot.home_q().unwrap();
-    let mut to_m = home_q;
-    for (place, metres) in to_m.iter_mut().zip(&robot.metres_per_q) {
-        *place *= metres;
-    }
-    to_m.iter_mut().take(3).for_each(|metres| *metres += 0.2);
-    let motion = Motion::BackAndForth {
-        waypoints_m: vec![to_m],
-        speed_m_per_s: 0.2,
-        acceleration_m_per_s2: 1.0,
-        dwell_cycles: 0,
-    };
-    let machine = SimulatedMachine::<N, M>::moving_from_robot(robot, tool, motion);
-    let (mut machine, motors) = (machine.unwrap(), robot.motor_map::<M>().unwrap());
-    bencher.bench_local(|| {
-        let nominal = machine.read(1).unwrap().nominal;
-        let references = nominal.map(|position| Reference {
-            position,
-            velocity_offset: VelocityUmS(0),
-            torque_offset: TorquePermille(0),
-        });
-        let references = motors.spread(&references).unwrap();
-        machine.write(&references, &nominal.map(InForce::at))
-    });
-}
-
-#[divan::bench(sample_size = 1, sample_count = 10_000)]
-fn moving_l2(bencher: Bencher<'_, '_>) {
-    moving_machine::<_, 3, L2_MOTORS>(bencher, &RobotFile::builtin_l2().unwrap());
-}
-
-#[divan::bench(sample_size = 1, sample_count = 10_000)]
-fn moving_f1(bencher: Bencher<'_, '_>) {
-    moving_machine::<_, 6, F1_MOTORS>(bencher, &RobotFile::builtin_f1().unwrap());
 }

@@ -216,7 +216,13 @@ impl<const N: usize> ElasticMachine<N> {
             let inverse = lines.matrix.try_inverse().ok_or(ElasticError::Singular)?;
             let tensions_n = -(inverse * load);
             let axis_loads = pushes - lines.drives.transpose() * tensions_n;
-            let errors = self.length_errors(&motors, &now.pose, &tensions_n, &axis_loads);
+            // An unloaded machine has its axes where they were.
+            let lengths_m = if axis_loads == now.axis_loads {
+                lines.lengths_m
+            } else {
+                self.lengths_m(&self.displaced(&motors, &axis_loads), &now.pose)
+            };
+            let errors = lengths_m - self.loaded_lengths_m(&tensions_n);
             // Moving the platform by `step` shortens the links by W^T step.
             let step = inverse.transpose() * errors;
             let axis_step =
@@ -341,15 +347,8 @@ impl<const N: usize> ElasticMachine<N> {
         lines
     }
 
-    /// Returns the distance of the joints of each link minus the length of the loaded link, metres.
-    fn length_errors(
-        &self,
-        motors: &SVector<f64, N>,
-        pose: &Pose,
-        tensions_n: &Vector6<f64>,
-        axis_loads: &SVector<f64, N>,
-    ) -> Vector6<f64> {
-        let lengths_m = self.lengths_m(&self.displaced(motors, axis_loads), pose);
+    /// Returns the lengths of the links under these tensions, with the play of their joints, m.
+    fn loaded_lengths_m(&self, tensions_n: &Vector6<f64>) -> Vector6<f64> {
         let play_m = self
             .backlash
             .elongation_m(tensions_n.fixed_rows::<3>(CLUSTER_3).sum());
@@ -357,7 +356,7 @@ impl<const N: usize> ElasticMachine<N> {
             let spring_m = self.compliances.links_m_per_n[link] * tensions_n[link];
             let joint_m = if link >= CLUSTER_3 { play_m } else { 0.0 };
             let length_m = self.geometry.lengths_m[link];
-            lengths_m[link] - (length_m + spring_m + joint_m)
+            length_m + spring_m + joint_m
         })
     }
 }
