@@ -43,7 +43,7 @@ fn kinetic_j<const N: usize>(machine: &MassiveMachine<N>, state: &State<N>) -> f
     0.5 * dot(&state.rates, &momentum)
 }
 
-/// What weight and load do in a time is the change of the kinetic energy. By differences over
+/// The work of weight and load in a time is the change of the kinetic energy. By differences over
 /// 2e-5 s, whose square leaves 1e-9 of it.
 fn the_work_of_all_forces_is_the_kinetic_energy<K: MachineKind<N>, const N: usize>(
     robot: &RobotFile<K, N>,

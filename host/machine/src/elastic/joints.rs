@@ -63,7 +63,7 @@ const MAX_TURNS: usize = 2;
 /// The plate of an arm.
 pub(super) struct Plate {
     rotation: Rotation3<f64>,
-    /// What its axes turn it about, in their order, world axes, rad per unit of `q`; zero where there
+    /// Turn by each of its axes, in their order, world axes, rad per unit of `q`; zero where there
     /// are fewer.
     turns: [Vector3<f64>; MAX_TURNS],
     arm: usize,

@@ -346,6 +346,15 @@ mod tests {
     use crate::elastic::Pose;
     use crate::robot_file::RobotFile;
 
+    /// The L2 of its file at home, and its drives.
+    fn l2_at_home() -> (LinearMachine<3>, DriveKind<3>) {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let finder = NotchFinder::of(&robot).unwrap();
+        let home = Pose::from(&RigidPose::at(robot.home_m()));
+        let machine = LinearMachine::at(&finder.machine, &home, &robot.home_q().unwrap());
+        (machine.unwrap(), finder.drives)
+    }
+
     #[test]
     fn the_smaller_of_each_margin_is_the_least() {
         let margin = |any_phase, hz, phase_per_axis| Margin {
@@ -388,10 +397,7 @@ mod tests {
     /// cycle ahead, which turns the response and leaves the radius.
     #[test]
     fn ideal_drives_take_a_reference_at_once() {
-        let robot = RobotFile::builtin_l2().unwrap();
-        let finder = NotchFinder::of(&robot).unwrap();
-        let home = Pose::from(&RigidPose::at(robot.home_m()));
-        let machine = LinearMachine::at(&finder.machine, &home, &robot.home_q().unwrap()).unwrap();
+        let (machine, _) = l2_at_home();
         let map = TickMap::of(&machine, &DriveKind::Ideal);
         let (size, before) = (map.state.nrows(), map.state.nrows() - 3);
         let mut ahead = TickMap {
@@ -422,11 +428,8 @@ mod tests {
     /// Against the largest radius of all frequencies.
     #[test]
     fn no_frequency_is_overlooked_for_its_bound() {
-        let robot = RobotFile::builtin_l2().unwrap();
-        let finder = NotchFinder::of(&robot).unwrap();
-        let home = Pose::from(&RigidPose::at(robot.home_m()));
-        let machine = LinearMachine::at(&finder.machine, &home, &robot.home_q().unwrap()).unwrap();
-        let gain = LoopGain::of(&machine, &TickMap::of(&machine, &finder.drives)).unwrap();
+        let (machine, drives) = l2_at_home();
+        let gain = LoopGain::of(&machine, &TickMap::of(&machine, &drives)).unwrap();
         for filter in [
             Filter::first_order(20.0),
             Filter::butterworth(6.0),
