@@ -184,3 +184,46 @@ pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycl
     let limit = u64::from(axis.nominal_step_nm).wrapping_mul(u64::from(cycles));
     from.0.abs_diff(to.0) > limit
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::control::fixture::{axis, limits};
+
+    /// Positions of all magnitudes, many of them near each other.
+    fn position() -> impl Strategy<Value = i64> {
+        prop_oneof![
+            any::<i64>(),
+            -1_000..1_000_i64,
+            Just(i64::MIN),
+            Just(i64::MAX)
+        ]
+    }
+
+    proptest! {
+        /// Against wider integers.
+        #[test]
+        fn a_step_of_the_path_is_beyond_its_limit_exactly(
+            from in position(),
+            to in position(),
+            limit in prop_oneof![0..1_000_u32, any::<u32>()],
+            cycles in prop_oneof![1..4_u32, any::<u32>()],
+        ) {
+            let config = axis(limits(1_000, 100, 200, 10), 1_000, limit);
+            let moved = (i128::from(to) - i128::from(from)).abs();
+            let most = i128::from(limit) * i128::from(cycles);
+            let found = nominal_stepped(PositionNm(from), PositionNm(to), &config, cycles);
+            prop_assert_eq!(found, moved > most);
+            // At the limit, and a nanometre beyond.
+            for (beyond, is_far) in [(0, false), (1, true)] {
+                let Ok(end) = i64::try_from(i128::from(from) + most + beyond) else {
+                    continue;
+                };
+                let found = nominal_stepped(PositionNm(from), PositionNm(end), &config, cycles);
+                prop_assert_eq!(found, is_far);
+            }
+        }
+    }
+}
