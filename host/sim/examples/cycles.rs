@@ -1,5 +1,5 @@
 //! Times of a cycle of the simulated machines with masses on their way, a millisecond of their time.
-//! Every 5 mm the damping is found again, and those cycles are the slow ones.
+//! Every 10 mm the damping is found again, and those cycles are the slow ones.
 //!
 //! ```text
 //! cargo run --release -p gantry-tau-sim --example cycles

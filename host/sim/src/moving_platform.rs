@@ -20,7 +20,7 @@ use super::workpiece::Workpiece;
 use gantry_tau_machine::drive_cascade::SUBSTEP_S;
 
 /// Way of an axis after which modes and damping are computed again, q-units.
-const MOVED: f64 = 5e-3;
+const MOVED: f64 = 1e-2;
 
 /// Motors of the axes: q-units, and per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
