@@ -7,7 +7,7 @@ use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
 use gantry_tau_core::control::client::ClientError;
 use gantry_tau_core::control::endpoint::{Full, MotorMap};
 use gantry_tau_core::control::message::{
-    Capabilities, Cause, ContentError, FrameError, Phase, Refusal,
+    Capabilities, Cause, ContentError, FrameError, Notice, Phase, Refusal,
 };
 use gantry_tau_core::control::session::StartError;
 use gantry_tau_core::control::session::config::ConfigError;
@@ -180,11 +180,15 @@ fn frames_say_what_is_wrong_with_them() {
     says(FrameError::Magic, "the frame does not begin with \"GT\"");
     says(
         FrameError::Version { received: 7 },
-        "protocol version 7; this side speaks 1",
+        "protocol version 7; this side speaks 2",
     );
     says(
         FrameError::TooLong { length: 999 },
         "the header states a body of 999 bytes; at most 384 are allowed",
+    );
+    says(
+        FrameError::Suite { received: 513 },
+        "suite 513; this side takes suite 0 (a checksum)",
     );
     says(
         FrameError::Length,
@@ -228,10 +232,6 @@ fn a_server_says_why_not() {
             Refusal::Faulted { ticks_left: 6 },
             "the server is stopped (6 ticks of ramp left); it must be re-armed at the machine",
         ),
-        (
-            Refusal::Version { supported: 1 },
-            "the server speaks protocol version 1",
-        ),
         (Refusal::Axes { expected: 3 }, "the server has 3 axes"),
         (
             Refusal::Capability {
@@ -244,6 +244,26 @@ fn a_server_says_why_not() {
             "the server has no room for another connection, or its epochs are used up",
         ),
     ];
+    let notices = [
+        (Notice::VERSION, "the server speaks protocol version 2"),
+        (
+            Notice::FULL,
+            "the server has no room for another connection",
+        ),
+        (Notice::SUITE, "the server takes frames of suite 0 only"),
+        (
+            Notice {
+                reason: 77,
+                detail: 6,
+            },
+            "the server gives reason 77, detail 6",
+        ),
+    ];
+    for (notice, text) in notices {
+        assert_eq!(notice.to_string(), text);
+        says(FrameError::Notice(notice), text);
+        says(ClientError::Notice(notice), text);
+    }
     for (refusal, text) in refusals {
         assert_eq!(refusal.to_string(), text);
     }

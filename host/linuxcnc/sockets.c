@@ -182,7 +182,7 @@ static int is_usable(int stream)
 static void refuse(int stream)
 {
     gt_frame refusal;
-    if (gt_server_refusal(&refusal) == GT_CODE_OK) {
+    if (gt_server_refusal(GT_TRANSPORT_STREAM, &refusal) == GT_CODE_OK) {
         (void)send(stream, refusal.bytes, refusal.length, MSG_NOSIGNAL);
     }
 }
@@ -302,7 +302,7 @@ static void receive_datagrams(gt_server *server)
             if (peer != NULL) {
                 peer->address = from;
                 peer->socket = listener;
-            } else if (gt_server_refusal(&refusal) == GT_CODE_OK) {
+            } else if (gt_server_refusal(GT_TRANSPORT_DATAGRAM, &refusal) == GT_CODE_OK) {
                 (void)sendto(listener, refusal.bytes, refusal.length, 0, (const struct sockaddr *)&from, sizeof from);
             }
         }

@@ -56,9 +56,16 @@ CAUSES = (
 REFUSALS = {
     1: "another client owns the session", 2: "offsets are still ramping to zero; try again in {ticks} ticks",
     3: "the server is stopped ({ticks} ticks of ramp left); it must be re-armed at the machine",
-    4: "the server speaks protocol version {detail}", 5: "the server has {detail} axes", 6: "the server needs capabilities {bits:#06x}",
+    5: "the server has {detail} axes", 6: "the server needs capabilities {bits:#06x}",
     7: "the server has no room for another connection, or its epochs are used up",
 }
+# Last words of a server that cannot read a client's frames, or has no room for it: a Refusal of version 1, in every version.
+NOTICE = (1, REFUSAL, 8)     # Its version, kind and length; reason and detail are where the suite of other frames is.
+NOTICES = {
+    4: "the server speaks protocol version {detail}", 7: "the server has no room for another connection",
+    8: "the server takes frames of suite {detail} only",
+}
+VERSION, SUITE = 2, 0        # Of the protocol; of the trailer, a checksum.
 LOCKSTEP = 1                 # The only capability that is assigned.
 SILENCE_S = 3.0              # Time without a frame after which the server has vanished.
 CEILING_NM = 10_000_000      # Largest position offset that is ever asked for, even if the server allows more.
@@ -436,7 +443,7 @@ class _Sensor:
 class _Connection:
     """The client's half of the protocol over a TCP stream."""
 
-    HEADER = struct.Struct("<2sBBH")
+    HEADER = struct.Struct("<2sBBHH")
     WELCOME = struct.Struct("<QQIBBHI")
     STATE = struct.Struct("<QQQBBBBIH10IH")
     AXIS = struct.Struct("<qiihiihqihBB")
@@ -561,7 +568,7 @@ class _Connection:
                      nominal, offset, shadow, actual, velocity, torque, flags)
 
     def _send(self, kind, body):
-        frame = self.HEADER.pack(b"GT", 1, kind, len(body)) + body
+        frame = self.HEADER.pack(b"GT", VERSION, kind, len(body), SUITE) + body
         self.socket.settimeout(SILENCE_S)
         try:
             self.socket.sendall(frame + struct.pack("<I", zlib.crc32(frame)))
@@ -585,9 +592,12 @@ class _Connection:
     def _frames(self, most=None):
         """Yields kind and body of whole frames, at most so many."""
         while len(self.rest) >= self.HEADER.size and most != 0:
-            magic, version, kind, length = self.HEADER.unpack_from(self.rest)
-            if magic != b"GT" or version != 1 or length > 384:
-                raise Incompatible(f"incompatible server: the stream is broken (magic {magic!r}, version {version}, length {length})")
+            magic, version, kind, length, suite = self.HEADER.unpack_from(self.rest)
+            if magic == b"GT" and (version, kind, length) == NOTICE:
+                detail, reason = divmod(suite, 256)
+                raise Refused("refused: " + NOTICES.get(reason, "the server gives reason {reason}, detail {detail}").format(reason=reason, detail=detail))
+            if magic != b"GT" or version != VERSION or length > 384 or suite != SUITE:
+                raise Incompatible(f"incompatible server: the stream is broken (magic {magic!r}, version {version}, length {length}, suite {suite})")
             end = self.HEADER.size + length
             if len(self.rest) < end + 4:
                 return
@@ -606,7 +616,7 @@ class _NothingCame(Vanished):
 def _refused(body, axes):
     """Returns the failure that a Refusal is."""
     reason, detail, bits, ticks = struct.unpack("<BBHI", body)
-    used = {2: (0, 0, ticks), 3: (0, 0, ticks), 4: (detail, 0, 0), 5: (detail, 0, 0), 6: (0, bits, 0)}.get(reason, (0, 0, 0))
+    used = {2: (0, 0, ticks), 3: (0, 0, ticks), 5: (detail, 0, 0), 6: (0, bits, 0)}.get(reason, (0, 0, 0))
     if reason not in REFUSALS or used != (detail, bits, ticks):
         return Incompatible(f"incompatible server: a Refusal has reason {reason}, detail {detail}, bits {bits:#06x}, ticks left {ticks}")
     if reason == 5 and detail not in (0, axes):

@@ -10,7 +10,9 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{
     Capabilities, ClientMessage, Command, Hello, Mode, Refusal, ServerMessage, State, Welcome,
 };
-use gantry_tau_core::control::wire::{Deframer, Feed, Frame, decode_server, encode_client};
+use gantry_tau_core::control::wire::{
+    Deframer, Feed, Frame, FrameError, Notice, decode_server, encode_client,
+};
 use gantry_tau_core::units::{Epoch, OffsetNm, Sequence, Tick};
 use socket2::{Domain, Socket, Type};
 
@@ -179,6 +181,21 @@ impl<const N: usize> Client<N> {
                 refusal
             }
             other => panic!("not a Refusal: {other:?}"),
+        }
+    }
+
+    /// The notice that comes next, after which the server closes.
+    pub fn notice(&mut self) -> Notice {
+        let mut bytes = std::mem::take(&mut self.unread);
+        if let Err(error) = self.socket.read_to_end(&mut bytes) {
+            assert_eq!(error.kind(), ErrorKind::ConnectionReset);
+        }
+        assert_eq!(bytes.len(), 18, "one notice, and the end");
+        let (front, checksum) = bytes.split_at(14);
+        assert_eq!(checksum, crc32(front).to_le_bytes());
+        match Frame::parse(&bytes) {
+            Err(FrameError::Notice(notice)) => notice,
+            other => panic!("not a notice: {other:?}"),
         }
     }
 

@@ -5,6 +5,7 @@ use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener};
 use std::thread::JoinHandle;
 
+use gantry_tau_core::control::wire::PROTOCOL_VERSION;
 use serde::Deserialize;
 
 use crate::DEADLINE;
@@ -67,6 +68,9 @@ struct CaseFrame {
     magic: Option<String>,
     version: Option<u8>,
     length: Option<u16>,
+    suite: Option<u16>,
+    /// Reason and detail of a notice, which is sent in place of the frame.
+    notice: Option<[u8; 2]>,
     #[serde(default)]
     broken: bool,
 }
@@ -74,8 +78,8 @@ struct CaseFrame {
 /// Exit code of a client whose server vanishes: here, once it has answered.
 const VANISHED: u8 = 7;
 /// Bytes of a Hello, and below of a Command for three axes.
-const HELLO: usize = 14;
-const COMMAND: usize = 68;
+const HELLO: usize = 16;
+const COMMAND: usize = 70;
 
 impl Cases {
     /// Reads the list.
@@ -92,6 +96,10 @@ impl Cases {
     }
 
     fn frame(&self, frame: &CaseFrame) -> Vec<u8> {
+        if let Some([reason, detail]) = frame.notice {
+            let front = [b'G', b'T', 1, 7, 8, 0, reason, detail, 0, 0, 0, 0, 0, 0];
+            return [&front[..], &crc32(&front).to_le_bytes()].concat();
+        }
         let mut body = unhex(self.bodies.get(&frame.of));
         for (offset, bytes) in &frame.set {
             let bytes = unhex(bytes);
@@ -100,7 +108,7 @@ impl Cases {
         body.truncate(body.len() - frame.cut);
         body.extend(unhex(&frame.add));
         let mut bytes = frame.magic.as_deref().map_or_else(|| b"GT".to_vec(), unhex);
-        bytes.push(frame.version.unwrap_or(1));
+        bytes.push(frame.version.unwrap_or(PROTOCOL_VERSION));
         bytes.push(frame.kind.unwrap_or(*self.kinds.get(&frame.of)));
         bytes.extend(
             frame
@@ -108,6 +116,7 @@ impl Cases {
                 .unwrap_or(u16::try_from(body.len()).unwrap())
                 .to_le_bytes(),
         );
+        bytes.extend(frame.suite.unwrap_or(0).to_le_bytes());
         bytes.extend(body);
         let checksum = crc32(&bytes) ^ u32::from(frame.broken);
         bytes.extend(checksum.to_le_bytes());
@@ -156,7 +165,7 @@ impl Cases {
         assert_eq!(sentence.trim_end().lines().count(), 1, "{name}: {sentence}");
         let commands = sent
             .windows(4)
-            .filter(|bytes| bytes == b"GT\x01\x03")
+            .filter(|bytes| *bytes == [b'G', b'T', PROTOCOL_VERSION, 3])
             .count();
         if exit_code == VANISHED {
             assert_eq!(commands, 1, "{name}: {sentence}");

@@ -8,7 +8,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
-use gantry_tau_core::control::message::{AxisLimits, Cause, Phase, Refusal};
+use gantry_tau_core::control::message::{AxisLimits, Cause, Notice, Phase, Refusal};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::control::session::{Input, Reading};
 use gantry_tau_core::units::{EpochRange, PositionNm};
@@ -285,13 +285,22 @@ impl<const N: usize> ServerFixture<N> {
     /// A newcomer sends bytes; the server goes on until it has answered, which must be with a
     /// refusal.
     pub fn refusal(&mut self, bytes: &[u8]) -> Refusal {
+        self.answered(bytes).refusal()
+    }
+
+    /// As [`Self::refusal`], with a notice.
+    pub fn notice(&mut self, bytes: &[u8]) -> Notice {
+        self.answered(bytes).notice()
+    }
+
+    fn answered(&mut self, bytes: &[u8]) -> Client<N> {
         let mut newcomer = Client::<N>::connect(self.address());
         newcomer.send_bytes(bytes);
-        self.step_until("a refusal", |row| {
+        self.step_until("an answer", |row| {
             assert!(!row.welcomed);
             !newcomer.is_quiet()
         });
-        newcomer.refusal()
+        newcomer
     }
 
     /// One tick, on time.

@@ -59,7 +59,7 @@ mod saturation;
 use crate::control::axis::Offsets;
 use crate::control::endpoint::Transport;
 use crate::control::message::{
-    Capabilities, ClientMessage, Command, Mode, Phase, Refusal, State, Welcome,
+    Capabilities, ClientMessage, Command, FrameError, Mode, Phase, Refusal, State, Welcome,
 };
 use crate::control::wire::{Deframer, Feed, Frame, FrameBytes, decode_server, encode_client};
 
@@ -189,6 +189,9 @@ impl<const N: usize> Client<N> {
         match self.deframer.feed(bytes) {
             Feed::Incomplete => (bytes.len(), Ok(None)),
             Feed::Frame { frame, consumed } => (consumed, receive(&mut self.dialogue, &frame)),
+            Feed::Broken(FrameError::Notice(notice)) => {
+                (bytes.len(), Err(ClientError::Notice(notice)))
+            }
             Feed::Broken(error) => (bytes.len(), Err(ClientError::Frame(error))),
         }
     }

@@ -19,12 +19,12 @@ use core::fmt;
 use heapless::Vec;
 
 use crate::control::axis::{Offsets, Reference};
-use crate::control::message::{ClientMessage, PROTOCOL_VERSION, Refusal, ServerMessage};
+use crate::control::message::{ClientMessage, Notice, Refusal, ServerMessage};
 use crate::control::session::{
     Connection, EVENTS, Event, Held, Input, LastWrite, NoRecorder, Output, Record, Session,
     TickInput,
 };
-use crate::control::wire::{FrameBytes, Kind, encode_server};
+use crate::control::wire::{FrameBytes, Kind, encode_notice, encode_server};
 use crate::units::{EpochRange, PositionNm};
 use crate::zip::each;
 
@@ -37,7 +37,7 @@ pub use slot::Transport;
 pub const CONNECTIONS: usize = 6;
 /// Largest number of Refusals per tick: one per connection, one per event.
 pub const REFUSALS: usize = CONNECTIONS + EVENTS;
-/// Largest number of frames per tick: the Refusals, a Welcome, a State.
+/// Largest number of frames per tick: notices and Refusals, a Welcome, a State.
 pub const FRAMES: usize = REFUSALS + 2;
 /// Events of all non-owners together that reach a tick.
 const NON_OWNER_EVENTS: u8 = 5;
@@ -69,8 +69,8 @@ impl core::error::Error for Full {}
 /// Next frame of a tick to be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Transmit {
-    /// Refusals for another protocol version, by the flags of the slots.
-    Versions,
+    /// Notices of the slots.
+    Notices,
     /// Refusal with this index in the output.
     Refusal(usize),
     /// The Welcome.
@@ -210,10 +210,15 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         Ok(connection)
     }
 
-    /// Returns the frame for a peer without room for its connection.
+    /// Returns the frame for a peer without room for its connection: over a stream a notice.
     #[must_use]
-    pub fn full_refusal() -> FrameBytes {
-        encode_server(&ServerMessage::<N>::Refusal(Refusal::Unavailable))
+    pub fn full_refusal(transport: Transport) -> FrameBytes {
+        match transport {
+            Transport::Stream => encode_notice(Notice::FULL),
+            Transport::Datagram => {
+                encode_server(&ServerMessage::<N>::Refusal(Refusal::Unavailable))
+            }
+        }
     }
 
     /// Takes note that a connection is gone: closed by its peer, reset, or closed by the host
@@ -326,7 +331,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         if references.is_none() {
             self.write_refused();
         }
-        self.transmit = Transmit::Versions;
+        self.transmit = Transmit::Notices;
         self.mark_closed();
         self.close_lost_owner();
         references
@@ -378,7 +383,7 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         !self.refused && self.output.as_ref().is_some_and(at_zero)
     }
 
-    /// Returns the next frame to send and its recipient: Refusals, the Welcome, the State. `None`
+    /// Returns the next frame to send and its recipient: notices, Refusals, the Welcome, the State. `None`
     /// when all are sent. Nothing is encoded before it is polled.
     // Not inlined, so that its stack is not added to that of the tick.
     #[inline(never)]
@@ -386,17 +391,14 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         let output = self.output.as_ref()?;
         loop {
             let to = match self.transmit {
-                Transmit::Versions => {
-                    let Some(slot) = self.slots.iter_mut().find(|slot| slot.version_mismatch)
-                    else {
+                Transmit::Notices => {
+                    let noted = |slot: &mut Slot| Some((slot.connection, slot.notice.take()?));
+                    let Some((connection, notice)) = self.slots.iter_mut().find_map(noted) else {
                         self.transmit = Transmit::Refusal(0);
                         continue;
                     };
-                    slot.version_mismatch = false;
-                    let supported = PROTOCOL_VERSION;
-                    self.frame
-                        .enclose(Kind::Refusal, &Refusal::Version { supported });
-                    slot.connection
+                    self.frame.notice(notice);
+                    connection
                 }
                 Transmit::Refusal(index) => {
                     let Some((connection, reason)) = output.refusals.get(index) else {

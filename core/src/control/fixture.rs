@@ -11,7 +11,7 @@ use crate::control::session::{Input, Session, TickInput};
 use crate::units::{Epoch, EpochRange, OffsetNm, Sequence, Tick};
 
 /// Every reason for a refusal, each number another one.
-pub(crate) const REFUSALS: [Refusal; 7] = [
+pub(crate) const REFUSALS: [Refusal; 6] = [
     Refusal::Busy,
     Refusal::Ramping {
         ticks_left: 0x0102_0304,
@@ -19,7 +19,6 @@ pub(crate) const REFUSALS: [Refusal; 7] = [
     Refusal::Faulted {
         ticks_left: 0x0506_0708,
     },
-    Refusal::Version { supported: 9 },
     Refusal::Axes { expected: 10 },
     Refusal::Capability {
         needed: Capabilities(0x0b0c),

@@ -2,17 +2,19 @@
 
 mod codes;
 mod error;
+mod notice;
 
 use crate::control::axis::{Actual, Offsets};
 use crate::control::channel::Limits;
 use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
 pub use error::{ContentError, FrameError};
+pub use notice::Notice;
 
 /// Largest number of axes a frame can carry.
 pub const MAX_AXES: usize = 6;
 /// Version of this protocol; the third byte of every frame.
-pub const PROTOCOL_VERSION: u8 = 1;
+pub const PROTOCOL_VERSION: u8 = 2;
 /// Longest body of any frame, in bytes. Sized for the largest message at [`MAX_AXES`], with room to
 /// spare.
 pub const MAX_BODY: usize = 384;
@@ -390,11 +392,6 @@ pub enum Refusal {
         /// Ticks until the offsets are zero.
         ticks_left: u32,
     },
-    /// The frame's protocol version is not the server's.
-    Version {
-        /// The server's version.
-        supported: u8,
-    },
     /// The client is built for another number of axes.
     Axes {
         /// The server's number of axes.
@@ -405,7 +402,7 @@ pub enum Refusal {
         /// Abilities that the client must have.
         needed: Capabilities,
     },
-    /// The server's epochs are used up, or it has no room for another connection.
+    /// The server's epochs are used up, or, over datagrams, it has no room for another peer.
     Unavailable,
 }
 

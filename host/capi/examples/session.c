@@ -75,7 +75,7 @@ static void read_client(client_state *client, uint64_t tick, wire_frame *frame)
 /* Sends a frame to the client. */
 static void write_frame(client_state *client, const gt_frame *frame)
 {
-    const uint8_t *body = frame->bytes + 6;
+    const uint8_t *body = frame->bytes + WIRE_HEADER;
     if (frame->bytes[3] == WELCOME) {
         client->welcomed = 1;
         client->epoch = wire_get(body, 8);

@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { WELCOME = 2, STATE = 4, SUBMIT = 1, OBTAIN = 2, MAX_FRAME = 128 };
+enum { WELCOME = 2, STATE = 4, SUBMIT = 1, OBTAIN = 2, MAX_FRAME = 128, WIRE_HEADER = 8 };
 
 typedef struct {
     uint8_t bytes[MAX_FRAME];
@@ -44,14 +44,15 @@ static void wire_begin(wire_frame *frame, uint8_t kind)
 {
     frame->length = 0;
     wire_put(frame, 0x5447, 2); /* "GT" */
-    wire_put(frame, 1, 1);      /* version */
+    wire_put(frame, 2, 1);      /* version */
     wire_put(frame, kind, 1);
     wire_put(frame, 0, 2); /* length: wire_end */
+    wire_put(frame, 0, 2); /* suite: a checksum */
 }
 
 static void wire_end(wire_frame *frame)
 {
-    const size_t body = frame->length - 6;
+    const size_t body = frame->length - WIRE_HEADER;
     frame->bytes[4] = (uint8_t)body;
     frame->bytes[5] = (uint8_t)(body >> 8);
     wire_put(frame, wire_crc(frame->bytes, frame->length), 4);

@@ -47,7 +47,7 @@
 
 // Version of this interface. It changes with every change to a type, a constant or the meaning of
 // a function.
-#define GT_ABI_VERSION 5
+#define GT_ABI_VERSION 6
 
 // Longest part of a black box, bytes.
 #define GT_BLACK_BOX_PART 4096
@@ -118,7 +118,7 @@
 #define GT_START_WINDOW_NM 1000000
 
 // Longest frame, bytes.
-#define GT_MAX_FRAME 394
+#define GT_MAX_FRAME 396
 
 // The reference was clamped to the machine's travel.
 #define GT_FLAG_TRAVEL 1
@@ -1215,8 +1215,10 @@ gt_code gt_server_init(void *memory,
 gt_code gt_server_open(struct gt_server *server, uint32_t transport, uint64_t *connection);
 
 // Returns the frame for a peer without room for its connection; the frame's `connection` has no
-// meaning.
-gt_code gt_server_refusal(struct gt_frame *frame);
+// meaning. `transport`: as for gt_server_open.
+//
+// Errors: GT_CODE_TRANSPORT.
+gt_code gt_server_refusal(uint32_t transport, struct gt_frame *frame);
 
 // Takes note that a connection is gone: closed by its peer, reset, or because a frame could not be
 // written to it whole. A connection that is not open is ignored.

@@ -181,27 +181,34 @@ pub unsafe extern "C" fn gt_server_open(
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
         answer(connection, null_mut(), || {
-            let transport = match transport {
-                GT_TRANSPORT_STREAM => Transport::Stream,
-                GT_TRANSPORT_DATAGRAM => Transport::Datagram,
-                _ => return Err(gt_code::Transport.into()),
-            };
+            let transport = transport_of(transport)?;
             Ok(ask!(server, server => server.endpoint.open(transport)?.0))
         })
     }
 }
 
+fn transport_of(code: u32) -> Result<Transport, gt_code> {
+    match code {
+        GT_TRANSPORT_STREAM => Ok(Transport::Stream),
+        GT_TRANSPORT_DATAGRAM => Ok(Transport::Datagram),
+        _ => Err(gt_code::Transport),
+    }
+}
+
 /// Returns the frame for a peer without room for its connection; the frame's `connection` has no
-/// meaning.
+/// meaning. `transport`: as for gt_server_open.
+///
+/// Errors: GT_CODE_TRANSPORT.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_refusal(frame: *mut gt_frame) -> gt_code {
+pub unsafe extern "C" fn gt_server_refusal(transport: u32, frame: *mut gt_frame) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
         answer(frame, null_mut(), || {
+            let transport = transport_of(transport)?;
             // The same for any number of axes.
             Ok(gt_frame::new(
                 Connection(u64::MAX),
-                &Endpoint::<3, GT_MAX_MOTORS>::full_refusal(),
+                &Endpoint::<3, GT_MAX_MOTORS>::full_refusal(transport),
             ))
         })
     }

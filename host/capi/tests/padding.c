@@ -74,7 +74,7 @@ int main(void)
     TWICE(gt_error, TICK_INPUT, (input.stop = 0, gt_server_tick(server, &input, &(gt_tick_output){0}, result)));
     TWICE(gt_held, OK, gt_server_hold(server, &input, result, NULL));
     TWICE(gt_server_config, OK, gt_server_config_thesis(result, 6));
-    TWICE(gt_frame, OK, gt_server_refusal(result));
+    TWICE(gt_frame, OK, gt_server_refusal(GT_TRANSPORT_STREAM, result));
     TWICE(gt_black_box, OK, gt_server_black_box(server, result));
 
     if (gt_f1_init(&f1_memory, sizeof f1_memory, &f1_geometry, &machine, NULL) != GT_CODE_OK ||

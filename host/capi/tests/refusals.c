@@ -174,9 +174,12 @@ static void servers(void)
         REFUSE(connection != (uint64_t)i)
     }
     EXPECT(FULL, gt_server_open(server, GT_TRANSPORT_STREAM, &connection));
-    EXPECT(OK, gt_server_refusal(&frame));
+    EXPECT(OK, gt_server_refusal(GT_TRANSPORT_STREAM, &frame));
     REFUSE(frame.length != 18 || memcmp(frame.bytes, "GT\1\7\10\0\7", 7) != 0)
-    EXPECT(NULL_POINTER, gt_server_refusal(NULL));
+    EXPECT(OK, gt_server_refusal(GT_TRANSPORT_DATAGRAM, &frame));
+    REFUSE(frame.length != 20 || memcmp(frame.bytes, "GT\2\7\10\0\0\0\7", 9) != 0)
+    EXPECT(TRANSPORT, gt_server_refusal(2, &frame));
+    EXPECT(NULL_POINTER, gt_server_refusal(GT_TRANSPORT_STREAM, NULL));
     recognise_hello();
     EXPECT(OK, gt_server_close(server, first));
     EXPECT(OK, gt_server_close(server, 12345));

@@ -46,7 +46,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
-use gantry_tau_core::control::message::{Cause, Refusal, State, Welcome};
+use gantry_tau_core::control::message::{Cause, Notice, Refusal, State, Welcome};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_record::recording::{RecordTo, Recorded};
 use gantry_tau_server::links::sensor::Sample;
@@ -163,6 +163,8 @@ pub enum ClientError {
     },
     /// The server refused the session.
     Refused(Refusal),
+    /// The server cannot read this client's frames, or has no room for it.
+    Noticed(Notice),
     /// The server's cycle, machine or protocol is not the client's.
     Incompatible(String),
     /// The server ended the session.
@@ -187,6 +189,7 @@ impl From<protocol::ClientError> for ClientError {
             protocol::ClientError::GoodbyeUnheard { states } => Self::Vanished(format!(
                 "it has not acknowledged the Goodbye within {states} States"
             )),
+            protocol::ClientError::Notice(notice) => Self::Noticed(notice),
             error @ protocol::ClientError::Checksum { .. } => Self::Incompatible(format!(
                 "{error}: geometry or metres_per_q differ; give both the same robot file (--robot)"
             )),
@@ -216,7 +219,7 @@ impl ClientError {
             Self::Quit => 0,
             Self::Setup(_) => 1,
             Self::Unreachable { .. } => 3,
-            Self::Refused(_) => 4,
+            Self::Refused(_) | Self::Noticed(_) => 4,
             Self::Incompatible(_) => 5,
             Self::Ended(_) => 6,
             Self::Vanished(_) => 7,
@@ -243,6 +246,7 @@ impl fmt::Display for ClientError {
                 )
             }
             Self::Refused(refusal) => write!(f, "refused: {refusal}"),
+            Self::Noticed(notice) => write!(f, "refused: {notice}"),
             Self::Incompatible(reason) => write!(f, "incompatible server: {reason}"),
             Self::Ended(cause) => write!(f, "the server ended the session: {cause}"),
             Self::Vanished(reason) => write!(f, "the server vanished: {reason}"),

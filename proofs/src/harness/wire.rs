@@ -11,7 +11,7 @@ use gantry_tau_core::units::Epoch;
 use super::kani;
 use crate::properties::wire::{
     body_is_canonical, body_survives, chunk_is_collected, feed_is_judged, frame_is_canonical,
-    frame_is_parsed, frame_survives,
+    frame_is_parsed, frame_survives, notice_is_read,
 };
 use crate::stand_in;
 
@@ -30,7 +30,7 @@ fn canonical_frame<B: Body, const LENGTH: usize>(kind: Kind) {
     bytes[2] = PROTOCOL_VERSION;
     bytes[3] = kind.code();
     bytes[4] = u8::try_from(LENGTH - HEADER_LEN - TRAILER_LEN).unwrap_or(0);
-    bytes[5] = 0;
+    bytes[5..HEADER_LEN].fill(0);
     let decoded = frame_is_canonical::<B>(kind, &bytes);
     kani::cover!(decoded, "some bytes are one");
 }
@@ -129,6 +129,12 @@ harnesses! {
         let parsed = frame_is_parsed(&bytes[..length], kani::any());
         kani::cover!(parsed.is_ok() && length == MAX_FRAME, "the longest frame");
         kani::cover!(parsed == Err(FrameError::Checksum), "a wrong checksum");
+        kani::cover!(matches!(parsed, Err(FrameError::Suite { .. })), "another suite");
+        kani::cover!(matches!(parsed, Err(FrameError::Notice(_))), "a notice");
+    }
+    wire_notice_is_read [minisat, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
+        stand_in::choose_checksum(kani::any(), kani::any());
+        notice_is_read(kani::any());
     }
     wire_frame_of_hello_survives [minisat, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] { frame_of::<{ Hello::LENGTH }>(); }
     wire_frame_of_epoch_survives [minisat, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] { frame_of::<{ Epoch::LENGTH }>(); }

@@ -1,11 +1,13 @@
 //! The decoder: T8. Bodies without a checksum, frames with one, and the stream by induction on one
 //! chunk.
 
+use std::array::from_fn;
+
 use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
 use gantry_tau_core::control::wire::{
     Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY,
-    PROTOCOL_VERSION, Stage, TRAILER_LEN, decode_client, decode_server, enclose, encode_client,
-    encode_server,
+    Notice, PROTOCOL_VERSION, Stage, TRAILER_LEN, decode_client, decode_server, enclose,
+    encode_client, encode_notice, encode_server,
 };
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::verification::control::checksum;
@@ -46,7 +48,7 @@ pub fn chunk_is_collected(before: &Collector, chunk: &[u8], at: usize) -> Result
     let outcome = after.consume(chunk);
     let old = before.held();
     match outcome {
-        Err(error) => header_is_bad([0, 1, 2, 4, 5].map(|at| row(old, chunk, at)), error),
+        Err(error) => header_is_bad(from_fn(|at| row(old, chunk, at)), error),
         Ok(complete) => {
             let taken = complete.unwrap_or(chunk.len());
             assert!(taken <= chunk.len(), "T8: consumed <= given");
@@ -67,21 +69,48 @@ fn row(held: &[u8], chunk: &[u8], at: usize) -> Option<u8> {
     held.get(at).or(new).copied()
 }
 
-/// Magic, version and length of a header are all there, and this is what is wrong with them.
-fn header_is_bad(header: [Option<u8>; 5], error: FrameError) {
-    let [Some(g), Some(t), Some(version), Some(l0), Some(l1)] = header else {
-        panic!("T8: a header is judged when it is there");
-    };
-    let length = u16::from_le_bytes([l0, l1]);
-    let wrong = if [g, t] != *b"GT" {
-        FrameError::Magic
+/// A header is all there, and this is what is wrong with it.
+fn header_is_bad(header: [Option<u8>; HEADER_LEN], error: FrameError) {
+    assert!(
+        !header.contains(&None),
+        "T8: a header is judged when it is there"
+    );
+    let wrong = wrong_with_header(header.map(Option::unwrap_or_default));
+    assert!(wrong == Some(error), "T8: the first thing wrong is named");
+}
+
+/// First thing wrong with a header, front to back; a notice is known by the front of its own.
+fn wrong_with_header(header: [u8; HEADER_LEN]) -> Option<FrameError> {
+    let [m0, m1, version, kind, l0, l1, s0, s1] = header;
+    let [length, suite] = [[l0, l1], [s0, s1]].map(u16::from_le_bytes);
+    if [m0, m1] != *b"GT" {
+        Some(FrameError::Magic)
+    } else if (version, kind, length) == (1, Kind::Refusal.code(), 8) {
+        let (reason, detail) = (s0, s1);
+        Some(FrameError::Notice(Notice { reason, detail }))
     } else if version != PROTOCOL_VERSION {
-        FrameError::Version { received: version }
+        Some(FrameError::Version { received: version })
+    } else if usize::from(length) > MAX_BODY {
+        Some(FrameError::TooLong { length })
     } else {
-        assert!(usize::from(length) > MAX_BODY, "T8: good headers pass");
-        FrameError::TooLong { length }
-    };
-    assert!(error == wrong, "T8: the first thing wrong is named");
+        (suite != 0).then_some(FrameError::Suite { received: suite })
+    }
+}
+
+/// A notice has one frame, which is no other frame.
+pub fn notice_is_read(notice: Notice) {
+    let bytes = encode_notice(notice);
+    let [reason, detail] = [notice.reason, notice.detail];
+    let front = [b'G', b'T', 1, 7, 8, 0, reason, detail, 0, 0, 0, 0, 0, 0];
+    assert!(bytes.len() == 18, "T8: a notice has 18 bytes");
+    assert!(
+        bytes.first_chunk() == Some(&front),
+        "T8: a notice is a Refusal of version 1"
+    );
+    assert!(
+        Frame::parse(&bytes) == Err(FrameError::Notice(notice)),
+        "T8: a notice is read as it was written"
+    );
 }
 
 /// Bytes are a frame, with the kind and the body that lie in them, exactly if nothing is wrong with
@@ -118,18 +147,15 @@ pub fn frame_is_parsed(bytes: &[u8], at: usize) -> Result<(), FrameError> {
 
 /// First thing wrong with bytes that should be one frame, front to back, the checksum last.
 fn first_wrong(bytes: &[u8]) -> Option<FrameError> {
-    let Some((&[m0, m1, version, _, l0, l1], _)) = bytes.split_first_chunk() else {
+    let Some((header, rest)) = bytes.split_first_chunk() else {
         return Some(FrameError::Length);
     };
-    let length = u16::from_le_bytes([l0, l1]);
-    let body = usize::from(length);
-    if [m0, m1] != *b"GT" {
-        return Some(FrameError::Magic);
-    } else if version != PROTOCOL_VERSION {
-        return Some(FrameError::Version { received: version });
-    } else if body > MAX_BODY {
-        return Some(FrameError::TooLong { length });
-    } else if bytes.len() != HEADER_LEN + body + TRAILER_LEN {
+    let wrong = wrong_with_header(*header);
+    if wrong.is_some() {
+        return wrong;
+    }
+    let body = usize::from(u16::from_le_bytes([header[4], header[5]]));
+    if rest.len() != body + TRAILER_LEN {
         return Some(FrameError::Length);
     }
     let (checked, trailer) = bytes.split_last_chunk()?;
@@ -333,6 +359,7 @@ pub fn sealed(version: u8, kind: u8, body: &[u8]) -> Vec<u8> {
     let length = u16::try_from(body.len()).unwrap_or(u16::MAX);
     let mut bytes = vec![b'G', b'T', version, kind];
     bytes.extend_from_slice(&length.to_le_bytes());
+    bytes.extend_from_slice(&[0, 0]);
     bytes.extend_from_slice(body);
     bytes.extend_from_slice(&crc_32(&bytes).to_le_bytes());
     bytes
@@ -360,14 +387,12 @@ pub fn crc_32(bytes: &[u8]) -> u32 {
 /// The first cut lies at `cut`, the bit is number `bit`.
 pub fn sealed_frame_is_judged(version: u8, kind: u8, body: &[u8], cut: u16, bit: u16) {
     let bytes = sealed(version, kind, body);
-    let expected = if version != PROTOCOL_VERSION {
-        Err(FrameError::Version { received: version })
-    } else if body.len() > MAX_BODY {
-        let length = u16::try_from(body.len()).unwrap_or(u16::MAX);
-        Err(FrameError::TooLong { length })
-    } else {
-        Ok(())
-    };
+    let expected = first_wrong(&bytes).map_or(Ok(()), Err);
+    let is_for_its_front = version != PROTOCOL_VERSION || body.len() > MAX_BODY;
+    assert!(
+        expected.is_err() == is_for_its_front,
+        "T8: sealed frames of this version are frames"
+    );
     assert!(
         frame_is_parsed(&bytes, bit.into()) == expected,
         "T8: refused for what is wrong with it, and for nothing else"

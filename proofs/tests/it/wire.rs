@@ -7,7 +7,8 @@ use gantry_tau_core::control::message::{
     Mode, Phase, Refusal, ServerMessage, State, Welcome,
 };
 use gantry_tau_core::control::wire::{
-    Body, Collector, FrameError, Kind, MAX_FRAME, Stage, encode_client, encode_server,
+    Body, Collector, FrameError, HEADER_LEN, Kind, MAX_FRAME, Notice, PROTOCOL_VERSION, Stage,
+    TRAILER_LEN, encode_client, encode_server,
 };
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
@@ -15,7 +16,7 @@ use gantry_tau_core::units::{
 use gantry_tau_proofs::properties::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_frame_is_judged_alike,
     cutting_changes_nothing, feed_is_judged, frame_is_parsed, frame_survives, message_is_canonical,
-    sealed, sealed_frame_is_judged,
+    notice_is_read, sealed, sealed_frame_is_judged,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -127,7 +128,6 @@ impl Draw {
             Refusal::Busy,
             Refusal::Ramping { ticks_left },
             Refusal::Faulted { ticks_left },
-            Refusal::Version { supported: byte },
             Refusal::Axes { expected: byte },
             Refusal::Capability {
                 needed: Capabilities(u16::from(byte)),
@@ -208,6 +208,31 @@ proptest! {
     }
 
     #[test]
+    fn notices_are_read(reason: u8, detail: u8) {
+        notice_is_read(Notice { reason, detail });
+    }
+
+    #[test]
+    fn any_header_is_judged(
+        version in prop_oneof![Just(1_u8), Just(PROTOCOL_VERSION), any::<u8>()], kind in prop_oneof![Just(7_u8), any::<u8>()],
+        length in prop_oneof![Just(8_u16), 0..500_u16, any::<u16>()], suite in prop_oneof![Just(0_u16), Just(1_u16), any::<u16>()],
+        mut held in 0..HEADER_LEN,
+    ) {
+        let mut header = *b"GT......";
+        header[2] = version;
+        header[3] = kind;
+        header[4..6].copy_from_slice(&length.to_le_bytes());
+        header[6..].copy_from_slice(&suite.to_le_bytes());
+        let frame = [&header[..], &vec![0; usize::from(length) + TRAILER_LEN]].concat();
+        let _judged = frame_is_parsed(&frame, 0);
+        let mut whole = [0; MAX_FRAME];
+        held %= HEADER_LEN;
+        whole[..held].copy_from_slice(&header[..held]);
+        let collector = Collector::from_parts(whole, held).unwrap();
+        let _judged = chunk_is_collected(&collector, &header[held..], 0);
+    }
+
+    #[test]
     fn chunks_are_collected(
         mut draw in draw(), kind in 0..7usize, held in 0..MAX_FRAME, length in 0..500usize, noise in vec(any::<u8>(), 0..20),
         damage: bool,
@@ -230,7 +255,7 @@ proptest! {
     }
 
     #[test]
-    fn cut_frames_are_judged_alike(mut draw in draw(), kind in 0..7usize, cut in 0..MAX_FRAME, damage: bool, next in vec(any::<u8>(), 0..6)) {
+    fn cut_frames_are_judged_alike(mut draw in draw(), kind in 0..7usize, cut in 0..MAX_FRAME, damage: bool, next in vec(any::<u8>(), 0..HEADER_LEN)) {
         let mut frame = draw.frames::<6>()[kind].clone();
         let length = frame.len();
         if damage {
@@ -241,20 +266,20 @@ proptest! {
 
     #[test]
     fn sealed_frames_are_judged(
-        mut draw in draw(), version in prop_oneof![9 => Just(1_u8), 1 => any::<u8>()],
+        mut draw in draw(), version in prop_oneof![9 => Just(PROTOCOL_VERSION), 1 => any::<u8>()],
         kind in prop_oneof![9 => 0..9_u8, 1 => any::<u8>()], body in prop::option::of(vec(any::<u8>(), 0..400)),
         at in 0..400usize, value: u8, cut: u16, bit: u16,
     ) {
         for frame in draw.frames::<3>() {
             // The seal of this crate is that of core.
-            let own = frame[6..frame.len() - 4].to_vec();
-            prop_assert_eq!(&sealed(1, frame[3], &own)[..], &frame[..]);
+            let own = frame[HEADER_LEN..frame.len() - TRAILER_LEN].to_vec();
+            prop_assert_eq!(&sealed(PROTOCOL_VERSION, frame[3], &own)[..], &frame[..]);
             let mut body = body.clone().unwrap_or(own);
             let length = body.len().max(1);
             if let Some(byte) = body.get_mut(at % length) {
                 *byte = value;
             }
-            sealed_frame_is_judged(version, if version == 1 { frame[3] } else { kind }, &body, cut, bit);
+            sealed_frame_is_judged(version, if version == PROTOCOL_VERSION { frame[3] } else { kind }, &body, cut, bit);
         }
     }
 

@@ -76,17 +76,18 @@ impl<const N: usize> Client<N> {
                 match event {
                     Ok(Some(Event::State(_))) => said.extend(self.answer(now, noise)),
                     Ok(Some(Event::Refused(refusal))) => {
-                        // A corrupt Hello may be of another version; its axes are behind a
-                        // checksum.
+                        // The axes of a corrupt Hello are behind a checksum.
                         assert!(!matches!(refusal, Refusal::Axes { .. }));
                         self.leave(now);
                     }
                     // Links say things twice.
                     Ok(_) | Err(ClientError::OldState { .. } | ClientError::Unexpected { .. }) => {}
-                    // Links break frames, and fall silent in one direction.
-                    Err(ClientError::Frame(_) | ClientError::GoodbyeUnheard { .. }) => {
-                        self.leave(now)
-                    }
+                    // Links break frames, in both directions, and fall silent in one.
+                    Err(
+                        ClientError::Frame(_)
+                        | ClientError::Notice(_)
+                        | ClientError::GoodbyeUnheard { .. },
+                    ) => self.leave(now),
                     Err(error) => panic!("the server breaks the protocol: {error}"),
                 }
             }

@@ -75,7 +75,7 @@ impl Dripping {
         let count = Arc::clone(&dripped);
         let thread = std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().unwrap();
-            stream.read_exact(&mut [0; 14]).unwrap();
+            stream.read_exact(&mut [0; 16]).unwrap();
             stream.write_all(&first).unwrap();
             for byte in rest {
                 std::thread::sleep(DRIP);

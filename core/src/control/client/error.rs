@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::control::message::{Capabilities, ContentError, FrameError};
+use crate::control::message::{Capabilities, ContentError, FrameError, Notice};
 use crate::control::wire::Kind;
 use crate::units::{Epoch, Tick};
 
@@ -13,6 +13,8 @@ use crate::units::{Epoch, Tick};
 pub enum ClientError {
     /// The stream lost its frame boundary.
     Frame(FrameError),
+    /// The server cannot read this client's frames, or has no place for it, and closes.
+    Notice(Notice),
     /// A frame with invalid content, or of a server with another number of axes.
     Content(ContentError),
     /// A message that does not fit: a second answer to Hello, or a State before the Welcome.
@@ -64,6 +66,7 @@ impl fmt::Display for ClientError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Frame(error) => write!(f, "the stream is broken: {error}"),
+            Self::Notice(notice) => notice.fmt(f),
             Self::Content(error) => write!(f, "invalid message: {error}"),
             Self::Unexpected { received } => {
                 write!(

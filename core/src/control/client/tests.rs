@@ -10,7 +10,7 @@ use crate::control::fixture::{self, at, axis, limits};
 use crate::control::message::{Cause, ServerMessage};
 use crate::control::session::Connection;
 use crate::control::session::config::Parameters;
-use crate::control::wire::{Kind, encode_server};
+use crate::control::wire::{Kind, Notice, encode_notice, encode_server};
 use crate::units::{Epoch, OffsetNm, Tick, TorquePermille, VelocityUmS};
 
 type Tested = Client<2>;
@@ -248,6 +248,25 @@ fn a_goodbye_without_effect_is_an_error() {
         .1;
     assert_eq!(last, Err(ClientError::GoodbyeUnheard { states: 100 }));
     assert!(client.is_valid() && !client.is_gone());
+}
+
+/// It proves nothing: whoever reaches the port of the client could have sent it.
+#[test]
+fn a_notice_is_shown_over_streams_and_ignored_over_datagrams() {
+    for notice in [Notice::VERSION, Notice::FULL, Notice::SUITE] {
+        let frame = encode_notice(notice);
+        let mut client = Client::<2>::new(Transport::Stream, requirements());
+        let mut event = Ok(None);
+        // Known by its header, before the end of the frame.
+        for byte in frame.iter().take(8) {
+            assert_eq!(event, Ok(None));
+            event = client.feed(&[*byte]).1;
+        }
+        assert_eq!(event, Err(ClientError::Notice(notice)));
+        let (mut client, _) = granted(Transport::Datagram);
+        assert_eq!(client.feed(&frame), (frame.len(), Ok(None)));
+        assert_eq!(client.ignored().broken, 1);
+    }
 }
 
 #[test]

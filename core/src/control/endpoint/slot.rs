@@ -1,6 +1,6 @@
 //! One connection of an endpoint: deframer, budget, and reasons to close it.
 
-use crate::control::message::{ClientMessage, FrameError};
+use crate::control::message::{ClientMessage, FrameError, Notice};
 use crate::control::session::{Connection, Event, OWNER_FRAMES};
 use crate::control::wire::{Deframer, Feed, Frame, decode_client};
 
@@ -36,8 +36,8 @@ pub struct Slot {
     pub closing: bool,
     /// The connection has no further use and waits for [`super::Endpoint::poll_close`].
     pub closed: bool,
-    /// The peer uses another version of the protocol: it is to receive a Refusal.
-    pub version_mismatch: bool,
+    /// Notice to be sent: the peer speaks another version or suite.
+    pub notice: Option<Notice>,
     /// Ticks without owning the session.
     idle_ticks: u32,
 }
@@ -54,7 +54,7 @@ impl Slot {
             over_budget: false,
             closing: false,
             closed: false,
-            version_mismatch: false,
+            notice: None,
             idle_ticks: 0,
         }
     }
@@ -117,7 +117,11 @@ impl Slot {
             }
             Feed::Broken(error) => {
                 self.closing = true;
-                self.version_mismatch = matches!(error, FrameError::Version { .. });
+                self.notice = match error {
+                    FrameError::Version { .. } => Some(Notice::VERSION),
+                    FrameError::Suite { .. } => Some(Notice::SUITE),
+                    _ => None,
+                };
                 // A flood has already ended the session.
                 let event = (!self.over_budget).then_some(Event::Broken(error));
                 Some((event, bytes.len()))

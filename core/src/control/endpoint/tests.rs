@@ -152,21 +152,34 @@ fn a_second_client_is_told_and_closed() {
 }
 
 #[test]
-fn another_version_is_told_ours_and_closed() {
+fn another_version_or_suite_is_told_ours_over_a_stream_and_closed() {
+    for (at, notice) in [(2, Notice::VERSION), (6, Notice::SUITE)] {
+        let mut bytes = hello().to_vec();
+        bytes[at] = 9;
+        let mut bench = bench();
+        let other = bench.open(Transport::Stream);
+        bench.endpoint.feed(other, &bytes);
+        let turn = bench.tick();
+        assert_eq!(turn.sent, [(other, encode_notice(notice).to_vec())]);
+        assert_eq!(turn.close, [other]);
+        let peer = bench.open(Transport::Datagram);
+        bench.endpoint.feed(peer, &bytes);
+        let turn = bench.tick();
+        assert_eq!(
+            (turn.sent.as_slice(), turn.close.as_slice()),
+            (&[][..], &[][..])
+        );
+    }
+}
+
+/// Two servers must not answer each other for ever.
+#[test]
+fn a_notice_is_not_answered() {
     let mut bench = bench();
     let other = bench.open(Transport::Stream);
-    let mut bytes = hello().to_vec();
-    bytes[2] = 9;
-    bench.endpoint.feed(other, &bytes);
+    bench.endpoint.feed(other, &encode_notice(Notice::VERSION));
     let turn = bench.tick();
-    let supported = PROTOCOL_VERSION;
-    assert_eq!(
-        turn.messages(),
-        [(
-            other,
-            ServerMessage::Refusal(Refusal::Version { supported })
-        )]
-    );
+    assert_eq!(turn.sent, []);
     assert_eq!(turn.close, [other]);
 }
 
@@ -226,7 +239,9 @@ fn connections_are_numbered_once_and_limited() {
         0,
         "a closed connection has no voice"
     );
-    let refusal = Endpoint::<2, 3>::full_refusal();
+    let notice = Endpoint::<2, 3>::full_refusal(Transport::Stream);
+    assert_eq!(notice, encode_notice(Notice::FULL));
+    let refusal = Endpoint::<2, 3>::full_refusal(Transport::Datagram);
     let frame = Frame::parse(&refusal).unwrap();
     assert_eq!(
         decode_server::<2>(&frame),
@@ -278,7 +293,7 @@ fn a_hello_without_a_connection_is_not_granted() {
             bench.endpoint.feed(peer, &hello());
         },
         |bench, peer| {
-            bench.endpoint.feed(peer, b"garbage");
+            bench.endpoint.feed(peer, b"garbage!");
         },
     ];
     for spoil in ways {

@@ -91,7 +91,6 @@ impl Refusal {
             Self::Busy => 1,
             Self::Ramping { .. } => 2,
             Self::Faulted { .. } => 3,
-            Self::Version { .. } => 4,
             Self::Axes { .. } => 5,
             Self::Capability { .. } => 6,
             Self::Unavailable => 7,
@@ -105,7 +104,6 @@ impl Refusal {
             Self::Busy => "Busy",
             Self::Ramping { .. } => "Ramping",
             Self::Faulted { .. } => "Faulted",
-            Self::Version { .. } => "Version",
             Self::Axes { .. } => "Axes",
             Self::Capability { .. } => "Capability",
             Self::Unavailable => "Unavailable",
@@ -130,9 +128,6 @@ impl fmt::Display for Refusal {
                     f,
                     "the server is stopped ({ticks_left} ticks of ramp left); it must be re-armed at the machine"
                 )
-            }
-            Self::Version { supported } => {
-                write!(f, "the server speaks protocol version {supported}")
             }
             Self::Axes { expected } => write!(f, "the server has {expected} axes"),
             Self::Capability { needed } => {

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::{MAX_BODY, PROTOCOL_VERSION};
+use super::{MAX_BODY, Notice, PROTOCOL_VERSION};
 
 /// Error of a frame's header, length or checksum. A stream loses its frame boundary with it; a
 /// datagram is dropped.
@@ -24,6 +24,13 @@ pub enum FrameError {
         /// Stated length of the body.
         length: u16,
     },
+    /// The trailer is of another suite.
+    Suite {
+        /// Suite of the frame.
+        received: u16,
+    },
+    /// The frame is a server's notice.
+    Notice(Notice),
     /// A datagram is shorter or longer than its header states.
     Length,
     /// The checksum does not match.
@@ -44,6 +51,10 @@ impl fmt::Display for FrameError {
                     "the header states a body of {length} bytes; at most {MAX_BODY} are allowed"
                 )
             }
+            Self::Suite { received } => {
+                write!(f, "suite {received}; this side takes suite 0 (a checksum)")
+            }
+            Self::Notice(notice) => notice.fmt(f),
             Self::Length => {
                 f.write_str("the datagram's length differs from the length in its header")
             }

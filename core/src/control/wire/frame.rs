@@ -4,12 +4,16 @@ use core::fmt;
 use core::ops::Deref;
 
 use super::body::Body;
-use crate::control::message::{FrameError, MAX_BODY, PROTOCOL_VERSION};
+use crate::control::message::{FrameError, MAX_BODY, Notice, PROTOCOL_VERSION};
 
 /// First two bytes of every frame: "GT".
 const MAGIC: [u8; 2] = *b"GT";
-/// Bytes before the body: magic (2), version (1), kind (1), length of the body (2).
-pub const HEADER_LEN: usize = 6;
+/// Version, kind and length of a [`Notice`]: a Refusal of version 1, which had no suite.
+const NOTICE: [u8; 4] = [1, Kind::Refusal.code(), 8, 0];
+/// Trailers of this side: a checksum. Little-endian.
+const SUITE: [u8; 2] = [0, 0];
+/// Bytes before the body: magic (2), version (1), kind (1), length of the body (2), suite (2).
+pub const HEADER_LEN: usize = 8;
 /// Bytes after the body: CRC-32 of header and body.
 pub const TRAILER_LEN: usize = 4;
 /// Longest frame, in bytes.
@@ -34,6 +38,11 @@ impl FrameBytes {
     pub(crate) fn enclose<B: Body>(&mut self, kind: Kind, body: &B) {
         const { assert!(B::LENGTH <= MAX_BODY, "the body does not fit a frame") };
         self.length = fill(&mut self.bytes, kind, body).unwrap_or(0);
+    }
+
+    /// As [`encode_notice`], in the place of another frame.
+    pub(crate) fn notice(&mut self, notice: Notice) {
+        self.length = fill_notice(&mut self.bytes, notice).unwrap_or(0);
     }
 }
 
@@ -167,9 +176,13 @@ impl<'a> Frame<'a> {
 
 /// Returns kind and body length of a valid header.
 pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameError> {
-    let [m0, m1, version, kind, l0, l1] = header;
+    let [m0, m1, version, kind, l0, l1, s0, s1] = header;
     if [m0, m1] != MAGIC {
         return Err(FrameError::Magic);
+    }
+    if [version, kind, l0, l1] == NOTICE {
+        let (reason, detail) = (s0, s1);
+        return Err(FrameError::Notice(Notice { reason, detail }));
     }
     if version != PROTOCOL_VERSION {
         return Err(FrameError::Version { received: version });
@@ -177,6 +190,10 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
     let length = u16::from_le_bytes([l0, l1]);
     if usize::from(length) > MAX_BODY {
         return Err(FrameError::TooLong { length });
+    }
+    if [s0, s1] != SUITE {
+        let received = u16::from_le_bytes([s0, s1]);
+        return Err(FrameError::Suite { received });
     }
     Ok((kind, length))
 }
@@ -189,17 +206,44 @@ pub fn enclose<B: Body>(kind: Kind, body: &B) -> FrameBytes {
     frame
 }
 
+/// Returns the bytes of a notice.
+#[must_use]
+pub fn encode_notice(notice: Notice) -> FrameBytes {
+    let mut frame = FrameBytes::EMPTY;
+    frame.notice(notice);
+    frame
+}
+
 /// Writes header, body and checksum. Returns the number of bytes; `None` would be a body that does
 /// not fit.
 fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<usize> {
     let [m0, m1] = MAGIC;
     let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
+    let [s0, s1] = SUITE;
     let (header, rest) = bytes.split_first_chunk_mut::<HEADER_LEN>()?;
-    *header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1];
+    *header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1, s0, s1];
     body.write(rest.get_mut(..B::LENGTH)?).ok()?;
-    let (checked, rest) = bytes.split_at_mut_checked(HEADER_LEN.checked_add(B::LENGTH)?)?;
+    seal(bytes, HEADER_LEN.checked_add(B::LENGTH)?)
+}
+
+/// Writes a notice. Returns the number of bytes.
+fn fill_notice(bytes: &mut [u8; MAX_FRAME], notice: Notice) -> Option<usize> {
+    let [m0, m1] = MAGIC;
+    let [version, kind, l0, l1] = NOTICE;
+    let Notice { reason, detail } = notice;
+    let (checked, _) = bytes.split_first_chunk_mut()?;
+    *checked = [
+        m0, m1, version, kind, l0, l1, reason, detail, 0, 0, 0, 0, 0, 0,
+    ];
+    let length = checked.len();
+    seal(bytes, length)
+}
+
+/// Writes the checksum behind so many bytes. Returns the number of all.
+fn seal(bytes: &mut [u8; MAX_FRAME], length: usize) -> Option<usize> {
+    let (checked, rest) = bytes.split_at_mut_checked(length)?;
     *rest.first_chunk_mut::<TRAILER_LEN>()? = checksum(checked).to_le_bytes();
-    checked.len().checked_add(TRAILER_LEN)
+    length.checked_add(TRAILER_LEN)
 }
 
 /// Returns the CRC-32/ISO-HDLC of header and body, as in Ethernet and zlib.

@@ -221,16 +221,25 @@ fn a_broken_stream_says_why_and_stays_broken() {
     assert_eq!(broken(&good, 0, b'X'), FrameError::Magic);
     assert_eq!(broken(&good, 2, 9), FrameError::Version { received: 9 });
     assert_eq!(broken(&good, 5, 2), FrameError::TooLong { length: 0x208 });
+    assert_eq!(broken(&good, 6, 1), FrameError::Suite { received: 1 });
+    assert_eq!(broken(&good, 7, 2), FrameError::Suite { received: 0x200 });
     assert_eq!(broken(&good, 9, 1), FrameError::Checksum);
     let mut deframer = Deframer::new();
-    assert_eq!(deframer.feed(b"noise."), Feed::Broken(FrameError::Magic));
+    assert_eq!(deframer.feed(b"noise..."), Feed::Broken(FrameError::Magic));
     assert_eq!(deframer.feed(&good), Feed::Broken(FrameError::Magic));
 }
 
 /// Decodes a frame of this kind and body.
 fn judge(kind: u8, body: &[u8]) -> Result<ClientMessage<1>, ContentError> {
     let length = u8::try_from(body.len()).unwrap();
-    let bytes = sealed([&[b'G', b'T', 1, kind, length, 0], body, &[0; TRAILER_LEN]].concat());
+    let bytes = sealed(
+        [
+            &[b'G', b'T', PROTOCOL_VERSION, kind, length, 0, 0, 0],
+            body,
+            &[0; TRAILER_LEN],
+        ]
+        .concat(),
+    );
     decode_client(&Frame::parse(&bytes).unwrap())
 }
 
@@ -274,10 +283,26 @@ fn bodies_have_their_lengths() {
     );
 }
 
+/// The bytes that every version of the protocol keeps.
+#[test]
+fn a_notice_is_a_refusal_of_version_1() {
+    let notice = encode_notice(Notice::VERSION);
+    let bytes = b"GT\x01\x07\x08\0\x04\x02\0\0\0\0\0\0\xda\x7f\x60\x8e";
+    assert_eq!(*notice, bytes[..]);
+    assert_eq!(*notice, sealed(notice.to_vec()));
+    for at in 0..8 {
+        let mut other = notice.to_vec();
+        other[at] ^= 1;
+        let error = Frame::parse(&other).unwrap_err();
+        let is_notice = matches!(error, FrameError::Notice(_));
+        assert_eq!(is_notice, at >= 6, "byte {at}: {error}");
+    }
+}
+
 /// A frame of kind 1 with a body of zeros.
 fn zeros(length: u16) -> StdVec<u8> {
     let [low, high] = length.to_le_bytes();
-    let header = [b'G', b'T', PROTOCOL_VERSION, 1, low, high];
+    let header = [b'G', b'T', PROTOCOL_VERSION, 1, low, high, 0, 0];
     sealed(
         [
             &header[..],
@@ -362,7 +387,7 @@ fn a_deframer_has_returned_what_is_whole() {
         let rest = deframer.filter(|_| stage == Stage::Collecting);
         assert!(rest.is_none_or(|mut deframer| matches!(
             deframer.feed(&frame[9..]),
-            Feed::Frame { consumed: 5, .. }
+            Feed::Frame { consumed: 7, .. }
         )));
     }
 }

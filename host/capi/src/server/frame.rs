@@ -12,7 +12,7 @@ use crate::memory::{answer, bytes};
 use crate::padding::padded;
 
 /// Longest frame, bytes.
-pub const GT_MAX_FRAME: usize = 394;
+pub const GT_MAX_FRAME: usize = 396;
 const _: () = assert!(GT_MAX_FRAME == MAX_FRAME, "a frame fits");
 
 /// A frame to be sent on a connection.

@@ -239,7 +239,7 @@ fn next_use(
         Use::Arriving { .. } if socket.may_send() && budget.accept() => {
             let Ok(connection) = endpoint.open(Transport::Stream) else {
                 // Best effort: the peer is about to be closed anyway.
-                let _ = socket.send_slice(&Endpoint::full_refusal());
+                let _ = socket.send_slice(&Endpoint::full_refusal(Transport::Stream));
                 return closing(socket, now_ms);
             };
             let gone = false;

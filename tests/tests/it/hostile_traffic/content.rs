@@ -2,6 +2,7 @@
 //! costs its frame and no more.
 
 use gantry_tau_core::control::message::{Cause, ClientMessage, Command, Counters, Mode, Phase};
+use gantry_tau_core::control::wire::{HEADER_LEN, PROTOCOL_VERSION, TRAILER_LEN};
 use gantry_tau_core::units::Epoch;
 use gantry_tau_tests::client::{Noise, enclose};
 use gantry_tau_tests::server_fixture::MAX_NM;
@@ -138,7 +139,7 @@ fn well_framed_nonsense_costs_nothing_but_its_frame() {
     for round in 1..=400 {
         let count = noise.below(385);
         let kind = noise.bytes(1)[0];
-        let nonsense = enclose(1, kind, &noise.bytes(count));
+        let nonsense = enclose(PROTOCOL_VERSION, kind, &noise.bytes(count));
         let answer = session.client.frame(Mode::Obtain, AT);
         assert_eq!(session.deliver(&[nonsense, answer].concat()), 2);
         let row = session.tick();
@@ -147,9 +148,9 @@ fn well_framed_nonsense_costs_nothing_but_its_frame() {
         assert_eq!(counters.malformed + counters.stale, round);
         assert_eq!(session.server.bus.positions(), AT);
     }
-    session.deliver(&enclose(1, 99, &[]));
+    session.deliver(&enclose(PROTOCOL_VERSION, 99, &[]));
     session.assert_held();
-    session.deliver(&enclose(1, 3, &noise.bytes(58)));
+    session.deliver(&enclose(PROTOCOL_VERSION, 3, &noise.bytes(58)));
     let _ = session.assert_disconnect(AT, Cause::ClientLate);
 }
 
@@ -158,12 +159,15 @@ fn every_byte_of_a_commands_body_may_be_anything() {
     let mut session = SessionFixture::obtained([0; 3]);
     for index in 0..58 {
         let frame = session.client.frame(Mode::Obtain, [7; 3]);
-        let mut body = frame[6..64].to_vec();
+        let mut body = frame[HEADER_LEN..frame.len() - TRAILER_LEN].to_vec();
         body[index] ^= 0xa5;
         // For any meaning of it now, the answer behind it is the higher sequence, and acts or is a
         // miss.
         let answer = session.client.frame(Mode::Obtain, [0; 3]);
-        assert_eq!(session.deliver(&[enclose(1, 3, &body), answer].concat()), 2);
+        assert_eq!(
+            session.deliver(&[enclose(PROTOCOL_VERSION, 3, &body), answer].concat()),
+            2
+        );
         assert_eq!(session.tick().state.phase, Phase::Obtain, "byte {index}");
         session.client.sequence = session.client.sequence.max(session.server.accepted());
     }

@@ -2,8 +2,8 @@
 
 use std::io::Write;
 
-use gantry_tau_core::control::message::{Cause, Mode, Phase, Refusal, ServerMessage};
-use gantry_tau_core::control::wire::PROTOCOL_VERSION;
+use gantry_tau_core::control::message::{Cause, Mode, Phase, ServerMessage};
+use gantry_tau_core::control::wire::{HEADER_LEN, Notice};
 use gantry_tau_tests::client::Noise;
 use gantry_tau_tests::server_fixture::ServerFixture;
 use gantry_tau_tests::session_fixture::SessionFixture;
@@ -11,7 +11,7 @@ use gantry_tau_tests::session_fixture::SessionFixture;
 use super::AT;
 
 /// Bytes of a command for three axes.
-const COMMAND: usize = 68;
+const COMMAND: usize = 70;
 /// Index of the low byte of the body's length.
 const LENGTH_BYTE: usize = 4;
 /// Index of the version.
@@ -76,11 +76,10 @@ fn one_wrong_byte_ends_the_session_wherever_it_is() {
             continue;
         }
         session.server.assert_disconnect(from, Cause::Malformed);
-        if index == VERSION_BYTE {
-            let supported = PROTOCOL_VERSION;
-            assert_eq!(session.client.refusal(), Refusal::Version { supported });
-        } else {
-            session.client.assert_closed();
+        match index {
+            VERSION_BYTE => assert_eq!(session.client.notice(), Notice::VERSION),
+            6 | 7 => assert_eq!(session.client.notice(), Notice::SUITE),
+            _ => session.client.assert_closed(),
         }
         server = session.server;
     }
@@ -98,7 +97,7 @@ fn random_bytes_end_the_session_even_after_a_good_frame() {
             bytes = session.client.frame(Mode::Obtain, [2_000; 3]);
         }
         // A header is judged once it is whole.
-        let count = 6 + noise.below(600);
+        let count = HEADER_LEN + noise.below(600);
         bytes.extend(noise.bytes(count));
         assert_eq!(session.deliver(&bytes), u8::from(round % 2 == 0));
         session.server.assert_disconnect(from, Cause::Malformed);

@@ -3,7 +3,7 @@
 use gantry_tau_core::control::message::{
     Capabilities, Cause, ClientMessage, Hello, Phase, Refusal,
 };
-use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::control::wire::{Notice, encode_client};
 use gantry_tau_core::units::{Epoch, EpochRange};
 use gantry_tau_tests::client::{Client, enclose};
 use gantry_tau_tests::fake_plant::Bus;
@@ -33,10 +33,18 @@ fn a_hello_is_refused_with_its_reason() {
         let said = server.refusal(&hello_with(3, capabilities));
         assert_eq!(said, Refusal::Capability { needed });
     }
-    for version in [0, 2, 255] {
-        let said = server.refusal(&enclose(version, 1, &[3, 0, 1, 0]));
-        assert_eq!(said, Refusal::Version { supported: 1 });
+    for version in [0, 1, 3, 255] {
+        let said = server.notice(&enclose(version, 1, &[3, 0, 1, 0]));
+        assert_eq!(said, Notice::VERSION);
     }
+    for suite in [1, 2, 65_535_u16] {
+        let mut hello = hello_with(3, 1);
+        hello[6..8].copy_from_slice(&suite.to_le_bytes());
+        assert_eq!(server.notice(&hello), Notice::SUITE);
+    }
+    // As version 1 had it: no suite in its header.
+    let said = server.notice(b"GT\x01\x01\x04\0\x03\0\x01\0\x46\xb3\xb0\x4a");
+    assert_eq!(said, Notice::VERSION);
     let mut client = Client::<3>::connect(server.address());
     client.send_bytes(&hello_with(3, 0xffff));
     server.step_until("the Welcome", |row| row.welcomed);

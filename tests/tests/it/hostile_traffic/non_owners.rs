@@ -7,7 +7,7 @@ use std::io::Write;
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::endpoint::CONNECTIONS;
 use gantry_tau_core::control::message::{ClientMessage, Mode, Phase, Refusal};
-use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::control::wire::{Notice, PROTOCOL_VERSION, encode_client};
 use gantry_tau_tests::client::{Client, Noise, enclose, hello};
 use gantry_tau_tests::server_fixture::ServerFixture;
 use gantry_tau_tests::session_fixture::SessionFixture;
@@ -85,7 +85,7 @@ fn megabytes_of_a_non_owner_cost_it_its_connection() {
     let mut session = SessionFixture::obtained(AT);
     for bytes in [
         Noise::new(9).bytes(8 << 20),
-        enclose(1, 6, &session.client.epoch.0.to_le_bytes()).repeat(1 << 18),
+        enclose(PROTOCOL_VERSION, 6, &session.client.epoch.0.to_le_bytes()).repeat(1 << 18),
     ] {
         let mut writer = other(&session).writer();
         let flood = std::thread::spawn(move || writer.write_all(&bytes).is_err());
@@ -108,7 +108,7 @@ fn for_the_seventh_the_connection_that_has_been_idle_longest_makes_room() {
         answer_until(&mut session, "the word for the first", |_| {
             !first.is_quiet()
         });
-        assert_eq!(first.refusal(), Refusal::Unavailable);
+        assert_eq!(first.notice(), Notice::FULL);
         first.assert_closed();
     }
     for mut other in idle {
@@ -168,7 +168,7 @@ fn mischief(noise: &mut Noise, session: &SessionFixture<3>) -> Vec<u8> {
             let count = noise.below(2_000);
             noise.bytes(count)
         }
-        4 => enclose(1, 3, &noise.bytes(58)),
+        4 => enclose(PROTOCOL_VERSION, 3, &noise.bytes(58)),
         _ => encode_client(&ClientMessage::<3>::Stop(epoch)).repeat(50),
     }
 }

@@ -60,7 +60,7 @@ def main():
         open_streams.append(connect(dice.choice(PORTS)))
         for stream in list(open_streams[-24:]):
             try:
-                sent += stream.send(dice.choice((b"", b"GT\x01\x01\x04\x00")) + dice.randbytes(dice.randint(1, 4000)))
+                sent += stream.send(dice.choice((b"", b"GT\x02\x01\x04\x00\x00\x00")) + dice.randbytes(dice.randint(1, 4000)))
             except BlockingIOError:
                 pass
             except OSError:

@@ -49,9 +49,9 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
 ];
 
 /// Lengths of frames of a client with three axes, bytes.
-const HELLO: usize = 14;
-const COMMAND: usize = 62;
-const GOODBYE: usize = 18;
+const HELLO: usize = 16;
+const COMMAND: usize = 70;
+const GOODBYE: usize = 20;
 /// Holds 20 um for ever.
 const HOLD: &str = "return (20_000, 0, 0)";
 
@@ -235,7 +235,7 @@ fn strange_servers() {
         ticks_left: 17,
     }));
     let mut broken = refusal.to_vec();
-    broken[7] ^= 1;
+    broken[9] ^= 1;
     let granted = granted();
     let live = state(6, Phase::Handshake, Cause::None);
     let again = [&granted[..], &live, &live].concat();
@@ -288,7 +288,7 @@ fn strange_servers() {
             "incompatible server: the stream is broken (magic b'HT'",
         ),
         (
-            refusal[..7].to_vec(),
+            refusal[..9].to_vec(),
             7,
             "the server vanished: it closed the connection",
         ),
@@ -320,12 +320,12 @@ fn slow_servers() {
     // that has begun.
     let dripped = [0; 200];
     let welcome = [&granted()[..], &live(6)].concat();
-    let header_of_a_state = live(7)[..6].to_vec();
+    let header_of_a_state = live(7)[..8].to_vec();
     let states: Vec<u8> = (9..4_000).flat_map(live).collect();
     let length = live(9).len();
     for (script, rest, piece, words) in [
         (
-            vec![(HELLO, granted()[..6].to_vec())],
+            vec![(HELLO, granted()[..8].to_vec())],
             dripped[..165].to_vec(),
             1,
             "the server vanished: it does not answer",

@@ -133,7 +133,6 @@ impl Body for Refusal {
             1 => Self::Busy,
             2 => Self::Ramping { ticks_left },
             3 => Self::Faulted { ticks_left },
-            4 => Self::Version { supported: detail },
             5 => Self::Axes { expected: detail },
             6 => Self::Capability {
                 needed: Capabilities(bits),
@@ -155,7 +154,6 @@ const fn refusal_fields(refusal: Refusal) -> (u8, u8, u16, u32) {
     let (detail, bits, ticks_left) = match refusal {
         Refusal::Busy | Refusal::Unavailable => (0, 0, 0),
         Refusal::Ramping { ticks_left } | Refusal::Faulted { ticks_left } => (0, 0, ticks_left),
-        Refusal::Version { supported } => (supported, 0, 0),
         Refusal::Axes { expected } => (expected, 0, 0),
         Refusal::Capability { needed } => (0, needed.0, 0),
     };

@@ -112,7 +112,7 @@ impl Datagrams {
                 Some(connection)
             }
             Err(Full) => {
-                let refusal = Endpoint::<N, M>::full_refusal();
+                let refusal = Endpoint::<N, M>::full_refusal(Transport::Datagram);
                 // Best effort. The answer is at most as long as the Hello: a forged address gains
                 // nothing.
                 let _ = self.socket.send_to(&refusal, from);

@@ -74,7 +74,7 @@ impl Streams {
                     gone: false,
                 }),
                 // Best effort: the peer is about to be closed anyway.
-                Err(Full) => drop(stream.write(&Endpoint::<N, M>::full_refusal())),
+                Err(Full) => drop(stream.write(&Endpoint::<N, M>::full_refusal(Transport::Stream))),
             }
         }
     }
@@ -92,7 +92,9 @@ impl Streams {
         let mut idle = self.peers.remove(index);
         endpoint.close(idle.connection);
         // Best effort, as for a peer without room.
-        let _ = idle.stream.write(&Endpoint::<N, M>::full_refusal());
+        let _ = idle
+            .stream
+            .write(&Endpoint::<N, M>::full_refusal(Transport::Stream));
         Some(())
     }
 

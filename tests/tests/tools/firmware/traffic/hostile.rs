@@ -5,7 +5,7 @@ use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Hello, Mode, Phase};
 use gantry_tau_core::control::session::{Connection, LastWrite, Reading};
-use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::control::wire::{PROTOCOL_VERSION, encode_client};
 use gantry_tau_core::units::{OffsetNm, PositionNm, Sequence, TorquePermille, VelocityUmS};
 use gantry_tau_proofs::scenario::{ClientAction, Op, Peer, Shares};
 use gantry_tau_tests::client::{Noise, enclose};
@@ -136,7 +136,7 @@ impl HostilePeers {
                     capabilities: Capabilities::NONE,
                 }))
                 .to_vec(),
-                1 => enclose(1, 3, &self.noise.bytes(384)),
+                1 => enclose(PROTOCOL_VERSION, 3, &self.noise.bytes(384)),
                 _ => {
                     let command = self
                         .recorder
@@ -174,7 +174,7 @@ impl HostilePeers {
             bytes.extend(&*encode_client::<AXES>(&ClientMessage::Stop(epoch)));
         }
         if kind == 1 {
-            bytes.extend(enclose(1, 3, &[0xff; 384]));
+            bytes.extend(enclose(PROTOCOL_VERSION, 3, &[0xff; 384]));
         }
         bytes.truncate(BURST);
         bytes
@@ -233,8 +233,10 @@ impl HostilePeers {
         });
         match (message, action) {
             (Some(message), _) => encode_client(&message).to_vec(),
-            (None, ClientAction::Malformed) => enclose(1, 3, b"no command"),
-            (None, ClientAction::Dropped) => enclose(2, 1, b"a client of the next version"),
+            (None, ClientAction::Malformed) => enclose(PROTOCOL_VERSION, 3, b"no command"),
+            (None, ClientAction::Dropped) => {
+                enclose(PROTOCOL_VERSION + 1, 1, b"a client of the next version")
+            }
             (None, ClientAction::Flood) => {
                 let command = self
                     .recorder

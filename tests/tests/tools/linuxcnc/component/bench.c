@@ -46,10 +46,10 @@ void sockets_receive(gt_server *to, const uint64_t *owner)
 void sockets_send(const gt_frame *sent)
 {
     if (sent->bytes[3] == WELCOME) {
-        client.epoch = wire_get(sent->bytes + 6, 8);
+        client.epoch = wire_get(sent->bytes + WIRE_HEADER, 8);
     } else if (sent->bytes[3] == STATE && client.answers) {
         const int32_t targets[AXES] = {client.target_nm, -client.target_nm, client.target_nm};
-        client.tick = wire_get(sent->bytes + 6, 8);
+        client.tick = wire_get(sent->bytes + WIRE_HEADER, 8);
         wire_command(&client.waiting, client.epoch, ++client.sequence, client.tick, client.mode, AXES, targets);
     }
 }
