@@ -102,23 +102,23 @@ static void configurations(void)
 /* One datagram is a Hello of six axes; none that differs from it in one bit is, and no part of it, and nothing longer. */
 static void recognise_hello(void)
 {
-    uint8_t hello[15] = {'G', 'T', 1, 1, 4, 0, 6, 0, 0, 0, 0x35, 0x72, 0x75, 0x64, 0};
+    uint8_t hello[17] = {'G', 'T', 2, 1, 4, 0, 0, 0, 6, 0, 0, 0, 0xee, 0xa3, 0xe6, 0x45, 0};
     uint8_t flag = 2;
-    EXPECT(OK, gt_datagram_is_hello(hello, 14, &flag));
+    EXPECT(OK, gt_datagram_is_hello(hello, 16, &flag));
     REFUSE(flag != 1)
     for (size_t length = 0; length <= sizeof hello; length++) {
         EXPECT(OK, gt_datagram_is_hello(hello, length, &flag));
-        REFUSE(flag != (length == 14))
+        REFUSE(flag != (length == 16))
     }
-    for (size_t bit = 0; bit < 8 * 14; bit++) {
+    for (size_t bit = 0; bit < 8 * 16; bit++) {
         hello[bit / 8] ^= (uint8_t)(1u << bit % 8);
-        EXPECT(OK, gt_datagram_is_hello(hello, 14, &flag));
+        EXPECT(OK, gt_datagram_is_hello(hello, 16, &flag));
         REFUSE(flag != 0)
         hello[bit / 8] ^= (uint8_t)(1u << bit % 8);
     }
     EXPECT(OK, gt_datagram_is_hello(NULL, 0, &flag));
-    EXPECT(NULL_POINTER, gt_datagram_is_hello(NULL, 14, &flag));
-    EXPECT(NULL_POINTER, gt_datagram_is_hello(hello, 14, NULL));
+    EXPECT(NULL_POINTER, gt_datagram_is_hello(NULL, 16, &flag));
+    EXPECT(NULL_POINTER, gt_datagram_is_hello(hello, 16, NULL));
     EXPECT(LENGTH, gt_datagram_is_hello(hello, SIZE_MAX, &flag));
 }
 
