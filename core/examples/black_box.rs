@@ -8,8 +8,8 @@ use std::thread;
 
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::{
-    Actual, AxisConfig, BlackBox, Config, Endpoint, EpochRange, LastWrite, MotorMap, Parameters,
-    PositionNm, Reading, Session, Start, TickInput, Travel,
+    Actual, AxisConfig, BlackBox, Config, Endpoint, EpochRange, Parameters, PositionNm, Reading,
+    Session, Start, TickInput, Travel, Write,
 };
 
 /// More than half a megabyte.
@@ -17,7 +17,7 @@ static BLACK_BOX: Mutex<BlackBox<6, 64>> = Mutex::new(BlackBox::new());
 /// Stack of the thread that ticks: a fraction of that.
 const STACK: usize = 256 << 10;
 
-fn endpoint() -> Option<Endpoint<6, 6>> {
+fn endpoint() -> Option<Endpoint<6>> {
     let limits = Limits::new(LimitValues {
         max: 2_000_000,
         step: 5_000,
@@ -28,11 +28,7 @@ fn endpoint() -> Option<Endpoint<6, 6>> {
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 1_000_000);
     let config = Config::new(Parameters::thesis([axis; 6])).ok()?;
     let session = Session::new(config, &Start::at_rest([PositionNm(0); 6])).ok()?;
-    Some(Endpoint::new(
-        session,
-        MotorMap::new([0, 1, 2, 3, 4, 5]).ok()?,
-        EpochRange::VOLATILE,
-    ))
+    Some(Endpoint::new(session, EpochRange::VOLATILE))
 }
 
 /// Ticks, and returns the number of recorded ticks.
@@ -51,10 +47,11 @@ fn run() -> Option<usize> {
             stop: false,
             quit: false,
             rearm: false,
-            last_write: LastWrite::Accepted,
-            arrival_us: 0,
         };
-        endpoint.tick_recorded(&tick, &mut *black_box)?;
+        match endpoint.tick_recorded(&tick, &mut *black_box) {
+            Write::Due(write) => write.accepted(),
+            Write::Withheld(_) => return None,
+        }
     }
     Some(black_box.entries().count())
 }

@@ -8,8 +8,8 @@
 //!
 //! ```
 //! use gantry_tau_core::{
-//!     AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters, PositionNm, Reading,
-//!     Session, Start, TickInput, Transport, Travel,
+//!     AxisConfig, Config, Endpoint, EpochRange, LimitValues, Limits, Parameters, PositionNm, Reading, Session, Start,
+//!     TickInput, Transport, Travel, Write,
 //! };
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // Offsets of at most 2 mm, 5 µm per tick, and 0.1 µm per tick on the way back to zero; all in nm.
@@ -18,22 +18,24 @@
 //! let config = Config::new(Parameters::thesis([axis; 3]))?;
 //! let nominal = [PositionNm(0); 3]; // as interpolated along the path
 //! let session = Session::new(config, &Start::at_rest(nominal))?; // read back from the drives
-//! let mut server = Endpoint::new(session, MotorMap::<3, 3>::new([0, 1, 2])?, EpochRange::VOLATILE);
+//! let mut server = Endpoint::new(session, EpochRange::VOLATILE);
 //! let client = server.open(Transport::Stream)?;
 //! for _millisecond in 0..3 {
 //!     server.feed(client, b""); // what the client's socket had
-//!     let references = server.tick(&TickInput {
+//!     let write = server.tick(&TickInput {
 //!         elapsed_cycles: 1,
 //!         reading: Some(Reading::unmeasured(nominal)),
 //!         stop: false,
 //!         quit: false,
 //!         rearm: false,
-//!         last_write: LastWrite::Accepted,
-//!         arrival_us: 0,
 //!     });
-//!     if let Some(references) = references {
-//!         // Write them to the drives, before anything else.
-//!         assert_eq!(references[0].position, PositionNm(0));
+//!     match write {
+//!         Write::Due(write) => {
+//!             // Write them to the drives, before anything else, and say what became of them.
+//!             assert_eq!(write.references()[0].position, PositionNm(0));
+//!             write.accepted();
+//!         }
+//!         Write::Withheld(drives) => drives.unknown(), // or what was read back
 //!     }
 //!     while let Some((_to, _frame)) = server.poll_transmit() { /* send */ }
 //!     while let Some(_connection) = server.poll_close() { /* close */ }
@@ -87,7 +89,7 @@ mod zip;
 pub use control::axis::{Actual, InForce, Offsets, Reference};
 pub use control::channel::{LimitValues, Limits};
 pub use control::client::Client;
-pub use control::endpoint::{Endpoint, MotorMap, Transport};
+pub use control::endpoint::{Endpoint, MotorMap, PendingReadBack, PendingWrite, Transport, Write};
 pub use control::message::{AxisLimits, AxisState, Cause, Mode, Phase, Refusal, State};
 pub use control::monitor::Monitor;
 pub use control::session::config::{AxisConfig, Config, Parameters, Travel};

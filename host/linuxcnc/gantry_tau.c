@@ -222,7 +222,6 @@ static void tick(void)
         input.stop = GT_PRESSED;
     }
     skipped = 0;
-    input.last_write = GT_WRITE_ACCEPTED;
     code = gt_server_tick(server, &input, &output, NULL);
     if (code != GT_CODE_OK) {
         fail("cannot tick", code);
@@ -230,6 +229,12 @@ static void tick(void)
     }
     if (output.write) {
         drives_write(pins, &input, &output);
+        /* Pins take what is written to them. */
+        code = gt_server_written(server, GT_WRITE_ACCEPTED, NULL);
+        if (code != GT_CODE_OK) {
+            fail("cannot say that the references are written", code);
+            return;
+        }
     }
     /* Before the State of the same tick, so that a client has the sample when it answers. */
     publish();

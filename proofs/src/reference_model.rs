@@ -181,14 +181,14 @@ impl<const N: usize> ReferenceModel<N> {
     /// On any difference.
     pub fn tick(&mut self, input: &Input<N>, output: &Output<N>) {
         let cycle = &input.tick;
-        self.settle(&cycle.last_write);
+        self.settle(&input.last_write);
         let cycles = u64::from(cycle.elapsed_cycles.max(1));
         let owner_before = self.owner;
         let mut accepted = self.classify(input);
         let zero = self.is_zero() && !self.withheld;
         let stepped = self.follow_path(cycle, cycles);
         self.tick = self.tick.saturating_add(cycles);
-        let outage = cycle.reading.is_none() || cycle.last_write != LastWrite::Accepted;
+        let outage = cycle.reading.is_none() || input.last_write != LastWrite::Accepted;
         let stop = accepted.stop || cycle.stop || outage;
         let faulty = stepped.contains(&true);
         let before = self.phase;
@@ -227,7 +227,7 @@ impl<const N: usize> ReferenceModel<N> {
         let mut expected = output.clone();
         expected.references = axes.map(|(reference, _)| reference);
         expected.withheld = self.withheld;
-        expected.state = self.state(axes.map(|(_, state)| state), cycle.arrival_us);
+        expected.state = self.state(axes.map(|(_, state)| state), input.arrival_us);
         expected.owner = self.owner;
         expected.welcome = welcome;
         expected.refusals = accepted.refusals;

@@ -357,7 +357,17 @@ trait SystemUnderTest {
     /// A peer acts before the next tick.
     fn say(&mut self, peer: Peer, action: &ClientAction);
     /// Runs one tick that may grant these epochs, with its checks.
-    fn tick(&mut self, tick: TickInput<N>, epochs: EpochRange);
+    fn tick(&mut self, cycle: Cycle);
+}
+
+/// Everything of a tick but its events.
+struct Cycle {
+    tick: TickInput<N>,
+    /// Shares in force after a write that is refused.
+    refused: Option<Shares>,
+    arrival_us: u16,
+    /// Epochs that may be granted.
+    epochs: EpochRange,
 }
 
 /// Runs all operations, up to [`MAX_TICKS`].
@@ -416,7 +426,6 @@ impl Motion {
     /// The next tick, which may grant one epoch.
     fn tick(&mut self, system: &mut impl SystemUnderTest, circumstances: &Circumstances) {
         let session = system.session();
-        let last_write = self.last_write(session);
         for (axis, config) in session.config().parameters().axes.iter().enumerate() {
             let change = i64::from(config.nominal_step_nm) * i64::from(self.drift[axis]) / 100;
             let to = circumstances.jump.unwrap_or(self.nominal[axis]);
@@ -439,16 +448,16 @@ impl Motion {
             stop: circumstances.stop,
             quit: circumstances.quit,
             rearm: circumstances.rearm,
-            last_write,
-            arrival_us: u16::from_ne_bytes([noise[6], noise[7]]),
         };
-        system.tick(
-            input,
-            EpochRange {
+        system.tick(Cycle {
+            tick: input,
+            refused: self.refused.take(),
+            arrival_us: u16::from_ne_bytes([noise[6], noise[7]]),
+            epochs: EpochRange {
                 first: epoch,
                 last: epoch,
             },
-        );
+        });
     }
 
     fn reading(&self, noise: [u8; 8]) -> Reading<N> {
@@ -463,18 +472,18 @@ impl Motion {
             actual,
         }
     }
+}
 
-    /// Fate of the last references. After a refused write the nominal references stay in force that
-    /// were so before it.
-    fn last_write(&mut self, session: &Session<N>) -> LastWrite<N> {
-        let nominal = session.in_force().map(|axis| axis.nominal.0);
-        match self.refused.take() {
-            None => LastWrite::Accepted,
-            Some(shares) if shares.iter().flatten().all(|share| *share > 100) => LastWrite::Unknown,
-            Some(shares) => LastWrite::Refused {
-                in_force: in_force(session.config(), &shares, &nominal),
-            },
-        }
+/// Fate of references. After a refused write the nominal references stay in force that were so before
+/// it.
+fn fate(session: &Session<N>, refused: Option<&Shares>) -> LastWrite<N> {
+    let nominal = session.in_force().map(|axis| axis.nominal.0);
+    match refused {
+        None => LastWrite::Accepted,
+        Some(shares) if shares.iter().flatten().all(|share| *share > 100) => LastWrite::Unknown,
+        Some(shares) => LastWrite::Refused {
+            in_force: in_force(session.config(), shares, &nominal),
+        },
     }
 }
 

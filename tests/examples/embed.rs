@@ -1,9 +1,9 @@
 //! A whole server around the core: bytes in, drive references and bytes out. Timer, sockets and
 //! drives are yours. README.md shows the part between the two lines `// README`.
 use gantry_tau_core::{
-    Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, LastWrite, LimitValues, Limits,
+    Actual, AxisConfig, Config, Connection, Endpoint, EpochRange, InForce, LimitValues, Limits,
     MotorMap, Parameters, PositionNm, Reading, Reference, Session, Start, TickInput, Transport,
-    Travel,
+    Travel, Write,
 };
 
 #[rustfmt::skip] // the README's part is compact
@@ -19,21 +19,27 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
     let config = Config::new(Parameters::thesis([axis; 3]))?;
     let (nominal, actual) = ([PositionNm(0); 3], [Actual::ZERO; 3]); // as interpolated along the path, and as measured
-    let session = Session::new(config, &Start::at_rest(nominal))?; // a real machine: as read back from its drives
-    let motor_map = MotorMap::<3, 3>::new([0, 1, 2])?;
+    let start = Start::at_rest(nominal); // a real machine: as read back from its drives
+    let session = Session::new(config, &start)?;
+    let motors = MotorMap::<3, 3>::new([0, 1, 2])?;
     let epochs = EpochRange::VOLATILE; // a real machine: a range that is reserved in storage
-    let mut last_write = LastWrite::Accepted;
     // README
-    let mut server = Endpoint::new(session, motor_map, epochs);
+    let mut server = Endpoint::new(session, epochs);
     let client = server.open(Transport::Stream)?;
     for _millisecond in 0..3 {
         server.feed(client, b""); // what the client's socket has
-        let references = server.tick(&TickInput {
+        let write = server.tick(&TickInput {
             elapsed_cycles: 1, // more after an overrun
             reading: Some(Reading { nominal, actual }), // None: the machine could not be read
-            stop: false, quit: false, rearm: false, last_write, arrival_us: 0,
+            stop: false, quit: false, rearm: false,
         });
-        last_write = write_to_drives(references); // first of all; a refusal is an input of the next tick
+        match write { // first of all; what is not said of it is unknown, and stops
+            Write::Due(write) => match write_to_drives(motors.spread(write.references())) {
+                Ok(()) => write.accepted(),
+                Err(in_force) => write.refused(in_force),
+            },
+            Write::Withheld(drives) => drives.unknown(), // or what was read back from them
+        }
         while let Some((to, frame)) = server.poll_transmit() { send(to, frame); }
         while let Some(connection) = server.poll_close() { close(connection); }
     }
@@ -41,11 +47,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// References are absent while the values in force at the drives are unknown: then nothing is
-/// written.
-fn write_to_drives(references: Option<[Reference; 3]>) -> LastWrite<3> {
+/// Drives that refuse say what they have in force.
+fn write_to_drives(references: Option<[Reference; 3]>) -> Result<(), [InForce; 3]> {
     println!("write {references:?}");
-    LastWrite::Accepted
+    Ok(())
 }
 
 fn send(to: Connection, frame: &[u8]) {

@@ -13,7 +13,7 @@ use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, 
 use gantry_tau_core::control::session::{Input, Reading};
 use gantry_tau_core::units::{EpochRange, PositionNm};
 use gantry_tau_core::verification::control::Internals;
-use gantry_tau_core::{InForce, Monitor, Offsets, TickInput};
+use gantry_tau_core::{InForce, Monitor, Offsets, Reference, TickInput, Write};
 use gantry_tau_server::black_box::swap_channel::{self, Receiver};
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::record::TickRecord;
@@ -77,6 +77,19 @@ pub fn on_time<const N: usize>(nominal: [PositionNm; N]) -> TickInput<N> {
         reading: Some(Reading::unmeasured(nominal)),
         ..Input::empty(EpochRange::VOLATILE).tick
     }
+}
+
+/// The references of a tick, which the drives take.
+///
+/// # Panics
+/// Without references.
+pub fn taken<const N: usize>(write: Write<'_, N>) -> [Reference; N] {
+    let Write::Due(write) = write else {
+        panic!("references are withheld")
+    };
+    let references = *write.references();
+    write.accepted();
+    references
 }
 
 /// A server of `N` axes with one motor each.

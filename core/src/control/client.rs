@@ -14,22 +14,22 @@
 //! ```
 //! use gantry_tau_core::control::client::{Client, Event, Requirements};
 //! use gantry_tau_core::{Mode, Offsets, Transport};
-//! # use gantry_tau_core::{AxisConfig, Config, Endpoint, EpochRange, LimitValues, Limits, MotorMap, Parameters, PositionNm};
-//! # use gantry_tau_core::{Session, Start, Travel, TickInput, LastWrite, Reading, OffsetNm};
+//! # use gantry_tau_core::{AxisConfig, Config, Endpoint, EpochRange, LimitValues, Limits, Parameters, PositionNm};
+//! # use gantry_tau_core::{Session, Start, Travel, TickInput, Reading, OffsetNm, Write};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let limits = Limits::new(LimitValues { max: 2_000_000, step: 5_000, accel: 10_000, ramp: 100 })?;
 //! # let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
 //! # let config = Config::new(Parameters::thesis([axis]))?;
 //! # let session = Session::new(config, &Start::at_rest([PositionNm(0)]))?;
-//! # let mut server = Endpoint::new(session, MotorMap::<1, 1>::new([0])?, EpochRange::VOLATILE);
+//! # let mut server = Endpoint::new(session, EpochRange::VOLATILE);
 //! # let connection = server.open(Transport::Stream)?;
 //! let mut client = Client::<1>::new(Transport::Stream, Requirements::default());
 //! let mut outgoing: Vec<u8> = client.hello().unwrap().to_vec();
 //! for _ in 0..5 {
 //! #    server.feed(connection, &outgoing);
 //! #    let tick = TickInput { elapsed_cycles: 1, reading: Some(Reading::unmeasured([PositionNm(0)])), stop: false,
-//! #        quit: false, rearm: false, last_write: LastWrite::Accepted, arrival_us: 0 };
-//! #    let _ = server.tick(&tick);
+//! #        quit: false, rearm: false };
+//! #    if let Write::Due(write) = server.tick(&tick) { write.accepted(); }
 //! #    let mut incoming = Vec::new();
 //! #    while let Some((_, frame)) = server.poll_transmit() { incoming.extend_from_slice(frame); }
 //!     // `outgoing` was sent, `incoming` was read from the socket.

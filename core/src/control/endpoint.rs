@@ -1,11 +1,12 @@
 //! Server side of the protocol: bytes in; references out, then frames on request.
 //!
-//! The endpoint owns the [`Session`], a deframer per connection, the inbox of the coming tick, and
-//! the map from axes to motors. It has no clock and no sockets. Once per cycle, in this order:
+//! The endpoint owns the [`Session`], a deframer per connection, and the inbox of the coming tick. It
+//! has no clock and no sockets. Once per cycle, in this order:
 //!
 //! 1. [`Endpoint::feed`] the bytes that were read (and [`Endpoint::open`], [`Endpoint::close`]
 //!    connections);
-//! 2. [`Endpoint::tick`], and write the references that it returns to the drives;
+//! 2. [`Endpoint::tick`]; write the references that it returns to the drives ([`MotorMap`] has those of
+//!    the motors), and tell [`PendingWrite`] what became of them;
 //! 3. [`Endpoint::poll_transmit`] until it returns `None`, and send the frames;
 //! 4. [`Endpoint::poll_close`] until it returns `None`, and close the connections.
 
@@ -13,12 +14,13 @@
 pub(crate) mod bench;
 mod motors;
 pub(crate) mod slot;
+pub(crate) mod write;
 
 use core::fmt;
 
 use heapless::Vec;
 
-use crate::control::axis::{Offsets, Reference};
+use crate::control::axis::Offsets;
 use crate::control::message::{ClientMessage, Notice, Refusal, ServerMessage};
 use crate::control::session::{
     Connection, EVENTS, Event, Held, Input, LastWrite, NoRecorder, Output, Record, Session,
@@ -29,9 +31,11 @@ use crate::units::{EpochRange, PositionNm};
 use crate::zip::each;
 
 use slot::Slot;
+use write::{Pending, last_write, report};
 
 pub use motors::{MotorMap, MotorMapError};
 pub use slot::Transport;
+pub use write::{PendingReadBack, PendingWrite, Write};
 
 /// Connections that can be open at once: the owner, and others that receive a Refusal.
 pub const CONNECTIONS: usize = 6;
@@ -81,11 +85,10 @@ enum Transmit {
     Done,
 }
 
-/// Server side of the protocol for `N` axes and `MOTORS` motors.
+/// Server side of the protocol for `N` axes.
 #[derive(Clone, Debug)]
-pub struct Endpoint<const N: usize, const MOTORS: usize> {
+pub struct Endpoint<const N: usize> {
     session: Session<N>,
-    motors: MotorMap<N, MOTORS>,
     slots: Vec<Slot, CONNECTIONS>,
     /// Input of the coming tick; its events are the inbox.
     input: Input<N>,
@@ -95,27 +98,27 @@ pub struct Endpoint<const N: usize, const MOTORS: usize> {
     next_connection: u64,
     /// Output of the last tick.
     output: Option<Output<N>>,
-    /// The references of the last tick are not in force: withheld or refused.
-    refused: bool,
+    /// Fate of the references of the last tick; `None`: not told.
+    fate: Option<LastWrite<N>>,
     transmit: Transmit,
     /// The frame that was polled last.
     frame: FrameBytes,
 }
 
-impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
+impl<const N: usize> Endpoint<N> {
     /// Creates an endpoint without connections. `epochs` are those that this run of the server may
     /// grant.
     #[must_use]
-    pub const fn new(session: Session<N>, motors: MotorMap<N, MOTORS>, epochs: EpochRange) -> Self {
+    pub const fn new(session: Session<N>, epochs: EpochRange) -> Self {
         Self {
             session,
-            motors,
             slots: Vec::new(),
             input: Input::empty(epochs),
             non_owner_events: 0,
             next_connection: 0,
             output: None,
-            refused: false,
+            // What a session starts from is in force.
+            fate: Some(LastWrite::Accepted),
             transmit: Transmit::Done,
             frame: FrameBytes::EMPTY,
         }
@@ -298,79 +301,71 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         })
     }
 
-    /// Runs one cycle and returns the reference of each motor. Write them to the drives before
-    /// anything else.
-    ///
-    /// `None` withholds them: the values in force at the drives are unknown or beyond their limits
-    /// ([`crate::control::session::LastWrite`]), so nothing may be written in this cycle.
+    /// Runs one cycle. Write its references to the drives before anything else, and say what became of
+    /// them: with the values in force unknown, [`Write::Withheld`] has none.
     ///
     /// Frames of an earlier tick that were not polled are discarded.
-    #[must_use = "the references must be written to the drives"]
-    pub fn tick(&mut self, tick: &TickInput<N>) -> Option<[Reference; MOTORS]> {
+    pub fn tick(&mut self, tick: &TickInput<N>) -> Write<'_, N> {
         self.tick_recorded(tick, &mut NoRecorder)
     }
 
     /// Runs one cycle as [`Self::tick`] does, and records it.
-    #[must_use = "the references must be written to the drives"]
     pub fn tick_recorded(
         &mut self,
         tick: &TickInput<N>,
         recorder: &mut impl Record<N>,
-    ) -> Option<[Reference; MOTORS]> {
+    ) -> Write<'_, N> {
         self.complete_input(tick);
         recorder.before_tick(&self.session);
         let output = self.output.insert(self.session.tick(&self.input));
         recorder.after_tick(&self.input, output);
-        let references = if output.withheld {
-            None
-        } else {
-            self.motors.spread(&output.references)
-        };
+        if output.withheld {
+            report(output, self.session.in_force());
+        }
+        mark_closed(&mut self.slots, output);
         self.input.events.clear();
-        self.refused = false;
-        if references.is_none() {
-            self.write_refused();
+        self.input.arrival_us = 0;
+        if let Some(lost) = lost_owner(&self.session, &self.slots) {
+            // There is room: the inbox is empty.
+            self.input.events.push((lost, Event::Closed)).unwrap_or(());
         }
         self.transmit = Transmit::Notices;
-        self.mark_closed();
-        self.close_lost_owner();
-        references
-    }
-
-    /// Returns the reference of each motor for a cycle in which no tick is run, `cycles` after the
-    /// last one ([`Session::hold`]): a late thread that calls in a burst, for instance. `None`:
-    /// nothing may be written, before the first tick or after references that are not in force.
-    ///
-    /// Tell the next tick the nominal references that were followed, or those of the tick before.
-    #[must_use = "the references must be written to the drives"]
-    pub fn hold(&self, nominal: &[PositionNm; N], cycles: u32) -> Option<Held<MOTORS>> {
-        if self.refused || self.output.is_none() {
-            return None;
-        }
-        let Held {
-            references,
-            follows,
-        } = self.session.hold(nominal, cycles);
-        Some(Held {
-            references: self.motors.spread(&references)?,
-            follows,
+        self.fate = None;
+        Write::of(Pending {
+            session: &self.session,
+            output,
+            fate: &mut self.fate,
         })
     }
 
-    /// Takes note that the drives did not take the references of the last tick: its State then
-    /// reports the values that are still in force. Call it before [`Self::poll_transmit`].
-    /// [`TickInput::last_write`] of the next tick says so too; one that says `Accepted` all the
-    /// same is taken for [`LastWrite::Unknown`].
-    #[inline(never)]
-    pub fn write_refused(&mut self) {
-        self.refused = true;
-        let Some(output) = &mut self.output else {
-            return;
-        };
-        for (axis, in_force) in output.state.axes.iter_mut().zip(*self.session.in_force()) {
-            axis.nominal = in_force.nominal;
-            axis.offsets = in_force.offsets;
+    /// Returns the references of the last tick again, if nothing was said of them yet: for an interface
+    /// that cannot keep what [`Self::tick`] returned.
+    pub fn pending(&mut self) -> Option<Write<'_, N>> {
+        if self.fate.is_some() {
+            return None;
         }
+        Some(Write::of(Pending {
+            session: &self.session,
+            output: self.output.as_mut()?,
+            fate: &mut self.fate,
+        }))
+    }
+
+    /// Returns the references of a cycle in which no tick is run, `cycles` after the last one
+    /// ([`Session::hold`]): for a late thread that calls in a burst, for instance. `None`: nothing
+    /// may be written, before the first tick or after references that are not in force.
+    ///
+    /// Tell the next tick the nominal references that were followed, or those of the tick before.
+    #[must_use = "the references must be written to the drives"]
+    pub fn hold(&self, nominal: &[PositionNm; N], cycles: u32) -> Option<Held<N>> {
+        let is_in_force = self.fate == Some(LastWrite::Accepted) && self.output.is_some();
+        is_in_force.then(|| self.session.hold(nominal, cycles))
+    }
+
+    /// Takes note of the time from the departure of the last State to the arrival of the last command,
+    /// µs. It is recorded, and reported by the State of the coming tick.
+    pub const fn note_arrival(&mut self, us: u16) {
+        self.input.arrival_us = us;
     }
 
     /// True if the drives took references without offsets in the last tick: the server may end.
@@ -380,14 +375,23 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
     pub fn is_at_zero(&self) -> bool {
         let at_zero =
             |output: &Output<N>| each(&output.state.axes).all(|axis| axis.offsets == Offsets::ZERO);
-        !self.refused && self.output.as_ref().is_some_and(at_zero)
+        self.fate == Some(LastWrite::Accepted) && self.output.as_ref().is_some_and(at_zero)
+    }
+
+    /// Takes what was not told for unknown.
+    fn settle(&mut self) {
+        if let Some(write) = self.pending() {
+            write.unknown();
+        }
     }
 
     /// Returns the next frame to send and its recipient: notices, Refusals, the Welcome, the State. `None`
-    /// when all are sent. Nothing is encoded before it is polled.
+    /// when all are sent. Nothing is encoded before it is polled. References of which nothing was said
+    /// are then unknown.
     // Not inlined, so that its stack is not added to that of the tick.
     #[inline(never)]
     pub fn poll_transmit(&mut self) -> Option<(Connection, &[u8])> {
+        self.settle();
         let output = self.output.as_ref()?;
         loop {
             let to = match self.transmit {
@@ -481,31 +485,24 @@ impl<const N: usize, const MOTORS: usize> Endpoint<N, MOTORS> {
         }
         self.non_owner_events = 0;
         self.input.tick = *tick;
-        if self.refused && tick.last_write == LastWrite::Accepted {
-            self.input.tick.last_write = LastWrite::Unknown;
-        }
+        self.input.last_write = last_write(self.fate);
     }
+}
 
-    /// Marks the connections without further use for [`Self::poll_close`].
-    fn mark_closed(&mut self) {
-        let Some(output) = &self.output else { return };
-        for slot in &mut self.slots {
-            let connection = slot.connection;
-            let refused = output.refusals.iter().any(|(to, _)| *to == connection);
-            slot.closed |= slot.closing || refused || output.close == Some(connection);
-        }
+/// Marks the connections without further use for [`Endpoint::poll_close`].
+fn mark_closed<const N: usize>(slots: &mut [Slot], output: &Output<N>) {
+    for slot in slots {
+        let connection = slot.connection;
+        let refused = output.refusals.iter().any(|(to, _)| *to == connection);
+        slot.closed |= slot.closing || refused || output.close == Some(connection);
     }
+}
 
-    /// Closes a session in the coming tick whose owner has no connection any more.
-    fn close_lost_owner(&mut self) {
-        let Some(owner) = self.session.owner() else {
-            return;
-        };
-        let connected = find(&mut self.slots, owner).is_some_and(|slot| !slot.closed);
-        if !connected {
-            self.post(owner, Event::Closed);
-        }
-    }
+/// Returns the owner, if it has no connection any more: the coming tick closes its session.
+fn lost_owner<const N: usize>(session: &Session<N>, slots: &[Slot]) -> Option<Connection> {
+    let owner = session.owner()?;
+    let connected = |slot: &Slot| slot.connection == owner && !slot.closed;
+    (!slots.iter().any(connected)).then_some(owner)
 }
 
 /// Returns the slot of a connection.

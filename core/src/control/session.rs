@@ -19,8 +19,6 @@ mod io;
 pub mod recorder;
 mod replay;
 pub(crate) mod step;
-#[cfg(feature = "serde")]
-mod version_4;
 
 use core::fmt;
 
@@ -46,8 +44,6 @@ pub use io::{
 };
 pub use recorder::{NoRecorder, Record};
 pub use replay::{Replayed, replay};
-#[cfg(feature = "serde")]
-pub use version_4::SessionV4;
 
 /// Black box: the complete inputs and outputs of the last ticks, the session before the oldest, and
 /// the configuration within it. Replaying the inputs from that session reproduces every output, bit
@@ -230,6 +226,11 @@ impl<const N: usize> Session<N> {
         Ok(Self { config, parts })
     }
 
+    /// True if the session can go on from these values in force.
+    pub(crate) fn admits(&self, in_force: &[InForce; N]) -> bool {
+        axes_at_rest(&self.config, in_force).is_ok()
+    }
+
     /// Takes note of the fate of the last references. After a refused write the channels go on from
     /// the values in force at the drives, at rest and without a step, and the session is over.
     /// Without valid values nothing may be written.
@@ -337,7 +338,8 @@ impl<const N: usize> Session<N> {
     /// Runs one cycle. Not inlined, so that its stack is not added to the caller's.
     #[inline(never)]
     pub fn tick(&mut self, input: &Input<N>) -> Output<N> {
-        self.apply_write_result(&input.tick.last_write);
+        self.apply_write_result(&input.last_write);
+        let refused = input.last_write != LastWrite::Accepted;
         let (mut accepted, mut diagnostics) = (
             Accepted::nothing(),
             Diagnostics::after(&self.parts.counters),
@@ -348,7 +350,9 @@ impl<const N: usize> Session<N> {
             &mut accepted,
             &mut diagnostics,
         );
-        self.step(&input.tick, &accepted, &diagnostics)
+        let mut output = self.step(&input.tick, refused, &accepted, &diagnostics);
+        output.state.arrival_us = input.arrival_us;
+        output
     }
 
     /// Classifies the events, in order of arrival.
@@ -370,11 +374,12 @@ impl<const N: usize> Session<N> {
         }
     }
 
-    /// Decides and acts. The invariant and every bound hold for anything that can have been
-    /// accepted.
+    /// Decides and acts; the references of the last tick were `refused`. The invariant and every
+    /// bound hold for anything that can have been accepted.
     pub(crate) fn step(
         &mut self,
         tick: &TickInput<N>,
+        refused: bool,
         accepted: &Accepted<N>,
         diagnostics: &Diagnostics,
     ) -> Output<N> {
@@ -388,6 +393,7 @@ impl<const N: usize> Session<N> {
         let known = Known {
             withheld: parts.withheld,
             off_path: parts.off_path,
+            refused,
         };
         let outcome = Outcome {
             references: &mut output.references,
@@ -410,7 +416,7 @@ impl<const N: usize> Session<N> {
         parts.counters = diagnostics.counters;
         parts.update_diagnostics(&before, &decision, &fsm, diagnostics.late);
         count_flags(&mut parts.counters, &output.state.axes);
-        self.report(&mut output.state, tick.arrival_us);
+        self.report(&mut output.state);
         output.withheld = self.parts.withheld;
         output.owner = decision.next.owner;
         output.close = before.owner.filter(|_| before.owner != output.owner);
@@ -435,8 +441,9 @@ impl<const N: usize> Session<N> {
         }
     }
 
-    /// Reports in a State everything but the axes, which have done so.
-    fn report(&self, state: &mut State<N>, arrival_us: u16) {
+    /// Reports in a State everything but the axes, which have done so, and the arrival of the
+    /// command, which the step does not know.
+    fn report(&self, state: &mut State<N>) {
         let parts = &self.parts;
         let discrete = &parts.discrete;
         state.tick = discrete.tick;
@@ -445,7 +452,6 @@ impl<const N: usize> Session<N> {
         state.phase = discrete.phase;
         state.cause = parts.cause;
         state.on_time_of_100 = on_time_of_100(discrete.history);
-        state.arrival_us = arrival_us;
         state.ramp_ticks_left = ramp_ticks_left(self.config.parameters(), &parts.axes);
         state.counters = parts.counters;
     }

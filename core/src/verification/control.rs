@@ -2,6 +2,7 @@
 
 pub use crate::control::client::dialogue::{Dialogue, Granted, Last, Stage};
 pub use crate::control::endpoint::slot::Slot;
+pub use crate::control::endpoint::write::last_write;
 pub use crate::control::monitor::axis::AxisMonitor;
 pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
 pub use crate::control::monitor::{Parts as MonitorParts, Seen};
@@ -15,7 +16,8 @@ pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Ve
 pub use crate::control::session::step::{Known, Order, carry_out, order};
 pub use crate::control::wire::frame::checksum;
 
-use crate::control::endpoint::Endpoint;
+use crate::control::endpoint::write::Pending;
+use crate::control::endpoint::{Endpoint, Write};
 use crate::control::monitor::Monitor;
 use crate::control::session::config::Config;
 use crate::control::session::{Connection, Event, Events, LastWrite, Output, Session, TickInput};
@@ -31,10 +33,11 @@ pub trait Internals<const N: usize>: Sized {
     fn apply_write_result(&mut self, last_write: &LastWrite<N>);
     /// Second part of a tick: classifies the events.
     fn classify(&self, events: &Events<N>, epochs: &EpochRange) -> (Accepted<N>, Diagnostics);
-    /// Third part of a tick: decides and acts.
+    /// Third part of a tick: decides and acts; the references of the last tick were `refused`.
     fn step(
         &mut self,
         tick: &TickInput<N>,
+        refused: bool,
         events: &Accepted<N>,
         counts: &Diagnostics,
     ) -> Output<N>;
@@ -65,10 +68,11 @@ impl<const N: usize> Internals<N> for Session<N> {
     fn step(
         &mut self,
         tick: &TickInput<N>,
+        refused: bool,
         events: &Accepted<N>,
         counts: &Diagnostics,
     ) -> Output<N> {
-        self.step(tick, events, counts)
+        self.step(tick, refused, events, counts)
     }
 }
 
@@ -86,17 +90,31 @@ pub const fn monitor_parts<const N: usize>(monitor: &Monitor<N>) -> &MonitorPart
 
 /// Returns the events that wait for the coming tick of an endpoint.
 #[must_use]
-pub fn inbox<const N: usize, const MOTORS: usize>(
-    endpoint: &Endpoint<N, MOTORS>,
-) -> &[(Connection, Event<N>)] {
+pub fn inbox<const N: usize>(endpoint: &Endpoint<N>) -> &[(Connection, Event<N>)] {
     endpoint.inbox()
+}
+
+/// Returns an output without references and answers, the State of a server that has not run.
+#[must_use]
+pub fn no_output<const N: usize>() -> Output<N> {
+    Output::nothing()
+}
+
+/// Returns what an endpoint returns of a tick with this output.
+pub const fn pending<'a, const N: usize>(
+    session: &'a Session<N>,
+    output: &'a mut Output<N>,
+    fate: &'a mut Option<LastWrite<N>>,
+) -> Write<'a, N> {
+    Write::of(Pending {
+        session,
+        output,
+        fate,
+    })
 }
 
 /// True if a connection has its place in an endpoint.
 #[must_use]
-pub fn is_open<const N: usize, const MOTORS: usize>(
-    endpoint: &Endpoint<N, MOTORS>,
-    connection: Connection,
-) -> bool {
+pub fn is_open<const N: usize>(endpoint: &Endpoint<N>, connection: Connection) -> bool {
     endpoint.is_open(connection)
 }

@@ -94,7 +94,7 @@ static void trace_bytes(FILE *trace, const char *what, const uint8_t *bytes, siz
     fprintf(trace, "\n");
 }
 
-/* Writes the references to the drives: here one line per motor. Returns the last_write of the next tick. */
+/* Writes the references to the drives: here one line per motor. Returns what became of them. */
 static uint8_t write_drives(FILE *trace, const gt_tick_output *output)
 {
     for (uint32_t motor = 0; trace && motor < output->motor_count; motor++) {
@@ -102,7 +102,7 @@ static uint8_t write_drives(FILE *trace, const gt_tick_output *output)
         fprintf(trace, "motor %lld %" PRId32 " %" PRId16 "\n", (long long)reference->position_nm,
                 reference->velocity_offset_um_s, reference->torque_offset_permille);
     }
-    return GT_WRITE_ACCEPTED; /* GT_WRITE_REFUSED with the values read back, GT_WRITE_UNKNOWN if they cannot be read */
+    return GT_WRITE_ACCEPTED; /* GT_WRITE_REFUSED with values that were read back, GT_WRITE_UNKNOWN if they cannot be */
 }
 
 /* Checks the bounds that the library guarantees. */
@@ -152,8 +152,7 @@ int main(int argc, char **argv)
     gt_tick_input input = {.elapsed_cycles = 1,
                            .reading = GT_READING_DONE,
                            .stop = GT_RELEASED,
-                           .rearm = GT_RELEASED,
-                           .last_write = GT_WRITE_ACCEPTED};
+                           .rearm = GT_RELEASED};
     gt_tick_output output;
     gt_frame frame;
     gt_error error;
@@ -205,7 +204,7 @@ int main(int argc, char **argv)
             trace_bytes(trace, "in", read.bytes, read.length);
         }
         require(output.write, "the references may be written");
-        input.last_write = write_drives(trace, &output);
+        check("written", gt_server_written(server, write_drives(trace, &output), NULL));
         while (gt_server_poll_transmit(server, &frame) == GT_CODE_OK) {
             write_frame(&client, &frame);
             if (trace) {

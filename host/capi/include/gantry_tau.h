@@ -103,16 +103,16 @@
 #define GT_BLACK_BOX_TICKS 64
 
 // Bytes of a server with 3 axes and no black box, on any target.
-#define GT_SERVER_SIZE_3 8192
+#define GT_SERVER_SIZE_3 8448
 
 // Bytes of a server with 6 axes and no black box.
-#define GT_SERVER_SIZE_6 11520
+#define GT_SERVER_SIZE_6 11776
 
 // Bytes of a server with 3 axes and a black box.
 #define GT_SERVER_SIZE_3_BLACK_BOX 387328
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 581376
+#define GT_SERVER_SIZE_6_BLACK_BOX 582656
 
 // Largest distance of a drive from what gt_start says is in force, nm.
 #define GT_START_WINDOW_NM 1000000
@@ -147,7 +147,7 @@
 // The machine could not be read: `nominal_nm` and `actual` are not looked at.
 #define GT_READING_FAILED 2
 
-// The drives took the references of the last tick. Also the value for the first tick.
+// The drives took the references.
 #define GT_WRITE_ACCEPTED 1
 
 // The drives did not take them, which stops; they were read back and have the values of
@@ -190,13 +190,19 @@ enum gt_code
   // A branch or a sign is neither 1 nor -1. `index`: its number.
   GT_CODE_BRANCH = 11,
   // A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`:
-  // GT_PARAMETER_STOP, GT_PARAMETER_REARM or GT_PARAMETER_LAST_WRITE, `value`: the refused
-  // number.
+  // GT_PARAMETER_READING, GT_PARAMETER_STOP or GT_PARAMETER_REARM, `value`: the refused number.
   GT_CODE_TICK_INPUT = 12,
   // All frames or connections have been polled: the end of a loop, not an error.
   GT_CODE_DONE = 13,
   // An error of core without a code of its own.
   GT_CODE_OTHER = 14,
+  // There are no references of which nothing was said: no tick has run since they were spoken
+  // of, or its frames were polled, which makes them unknown. Nothing has changed.
+  GT_CODE_NOT_PENDING = 15,
+  // Accepted was said of a tick without references: taken for unknown.
+  GT_CODE_WITHHELD = 16,
+  // The fate of the references is not one of its values; 0 is refused. They still wait for it.
+  GT_CODE_WRITE = 17,
   // M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
   GT_CODE_LIMITS_NEGATIVE_MAX = 100,
   // rho of a channel is zero or negative. `index`: axis, `parameter`: channel, `value`: rho.
@@ -348,8 +354,6 @@ enum gt_parameter
   GT_PARAMETER_STOP = 20,
   // `rearm` of a gt_tick_input.
   GT_PARAMETER_REARM = 21,
-  // `last_write` of a gt_tick_input.
-  GT_PARAMETER_LAST_WRITE = 22,
   // `reading` of a gt_tick_input.
   GT_PARAMETER_READING = 23,
   // tool_weight_n of a sensor.
@@ -737,8 +741,8 @@ typedef struct gt_actual {
   int16_t torque_permille;
 } gt_actual;
 
-// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm,
-// last_write.
+// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: reading, stop,
+// rearm.
 typedef struct gt_tick_input {
   // Cycles since the last tick: 1 when on time; each further one is a missed deadline. 0 counts
   // as 1.
@@ -754,18 +758,10 @@ typedef struct gt_tick_input {
   // The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen
   // released in Fault.
   uint8_t rearm;
-  // Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or
-  // GT_WRITE_UNKNOWN.
-  uint8_t last_write;
-  // Time from the departure of the last State to the arrival of the last Command, us; recorded
-  // only. 0 without a measurement.
-  uint16_t arrival_us;
   // Nominal references of this cycle, nm.
   int64_t nominal_nm[GT_MAX_AXES];
   // Measurements of the drives.
   struct gt_actual actual[GT_MAX_AXES];
-  // Values in force at the drives; read for GT_WRITE_REFUSED only.
-  struct gt_in_force in_force[GT_MAX_AXES];
 } gt_tick_input;
 
 // References that one motor's drive receives.
@@ -866,7 +862,7 @@ typedef struct gt_tick_output {
   // Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors
   // are written; it is the `stop_latched` of the next start, in this process or a later one.
   uint8_t latched;
-  // State after the tick.
+  // State after the tick, as it is sent if the drives take the references.
   struct gt_state state;
 } gt_tick_output;
 
@@ -1247,15 +1243,15 @@ gt_code gt_server_set_epochs(struct gt_server *server, uint64_t first, uint64_t 
 // Runs one cycle on everything that was fed since the last tick. Its work is bounded for
 // any input: no allocation, no lock, no clock.
 //
-// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0;
-// then send what gt_server_poll_transmit returns; then close what gt_server_poll_close returns.
+// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0, and
+// tell gt_server_written what became of them; then send what gt_server_poll_transmit returns; then
+// close what gt_server_poll_close returns.
 // Drives need a watchdog for the case that no tick comes.
 //
 // The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not
 // stand at what gt_start says is in force.
 //
-// Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its
-// values, and `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+// Errors: GT_CODE_TICK_INPUT: reading, stop or rearm, in this order, is not one of its values, and `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
 // After an error nothing has changed.
 gt_code gt_server_tick(struct gt_server *server,
                        const struct gt_tick_input *input,
@@ -1276,10 +1272,22 @@ gt_code gt_server_hold(struct gt_server *server,
                        struct gt_held *output,
                        struct gt_error *error);
 
-// Takes note that the drives did not take the references of the last tick: its State then reports
-// the values that are still in force. Call it before gt_server_poll_transmit. `last_write` tells
-// the next tick; GT_WRITE_ACCEPTED is then taken for GT_WRITE_UNKNOWN.
-gt_code gt_server_write_refused(struct gt_server *server);
+// Takes note of what became of the references of the last tick: GT_WRITE_ACCEPTED,
+// GT_WRITE_REFUSED, which stops, with the values in force at the drives, or GT_WRITE_UNKNOWN, which
+// stops. Call it once after every tick, before gt_server_poll_transmit: its State reports the values
+// in force, and the next tick goes on from them. Not called: unknown.
+//
+// After a tick with `write` 0: GT_WRITE_REFUSED with the values that were read back, or
+// GT_WRITE_UNKNOWN. `in_force`: as many values as there are axes; read for GT_WRITE_REFUSED only, else
+// null is allowed.
+//
+// Errors: GT_CODE_NOT_PENDING, GT_CODE_WITHHELD, GT_CODE_WRITE; GT_CODE_NULL_POINTER,
+// GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. But for GT_CODE_WITHHELD nothing has changed.
+gt_code gt_server_written(struct gt_server *server, uint8_t fate, const struct gt_in_force *in_force);
+
+// Takes note of the time from the departure of the last State to the arrival of the last Command, us.
+// It is recorded, and reported by the State of the coming tick; without a call it is 0.
+gt_code gt_server_note_arrival(struct gt_server *server, uint16_t us);
 
 // `at_zero` receives 1 if the drives took references without offsets in the last tick, so that the
 // program may end; else 0. After a refused write it is 0 for any values in force before: the drives

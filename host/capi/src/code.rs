@@ -36,13 +36,19 @@ pub enum gt_code {
     /// A branch or a sign is neither 1 nor -1. `index`: its number.
     Branch = 11,
     /// A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`:
-    /// GT_PARAMETER_STOP, GT_PARAMETER_REARM or GT_PARAMETER_LAST_WRITE, `value`: the refused
-    /// number.
+    /// GT_PARAMETER_READING, GT_PARAMETER_STOP or GT_PARAMETER_REARM, `value`: the refused number.
     TickInput = 12,
     /// All frames or connections have been polled: the end of a loop, not an error.
     Done = 13,
     /// An error of core without a code of its own.
     Other = 14,
+    /// There are no references of which nothing was said: no tick has run since they were spoken
+    /// of, or its frames were polled, which makes them unknown. Nothing has changed.
+    NotPending = 15,
+    /// Accepted was said of a tick without references: taken for unknown.
+    Withheld = 16,
+    /// The fate of the references is not one of its values; 0 is refused. They still wait for it.
+    Write = 17,
 
     /// M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
     LimitsNegativeMax = 100,

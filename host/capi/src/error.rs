@@ -63,8 +63,6 @@ pub enum gt_parameter {
     Stop = 20,
     /// `rearm` of a gt_tick_input.
     Rearm = 21,
-    /// `last_write` of a gt_tick_input.
-    LastWrite = 22,
     /// `reading` of a gt_tick_input.
     Reading = 23,
     /// tool_weight_n of a sensor.

@@ -23,6 +23,9 @@ pub use tick::{
 
 use running::{HALF, NONE, Running};
 
+#[cfg(feature = "verification")]
+pub(crate) use tick::say;
+
 use crate::black_box::{gt_black_box, look, write_part};
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
@@ -49,13 +52,13 @@ pub const GT_BLACK_BOX_NONE: u32 = 0;
 pub const GT_BLACK_BOX_TICKS: u32 = 64;
 
 /// Bytes of a server with 3 axes and no black box, on any target.
-pub const GT_SERVER_SIZE_3: usize = 8_192;
+pub const GT_SERVER_SIZE_3: usize = 8_448;
 /// Bytes of a server with 6 axes and no black box.
-pub const GT_SERVER_SIZE_6: usize = 11_520;
+pub const GT_SERVER_SIZE_6: usize = 11_776;
 /// Bytes of a server with 3 axes and a black box.
 pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 387_328;
 /// Bytes of a server with 6 axes and a black box, the largest server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 581_376;
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 582_656;
 
 /// Largest distance of a drive from what gt_start says is in force, nm.
 pub const GT_START_WINDOW_NM: u64 = 1_000_000;
@@ -208,7 +211,7 @@ pub unsafe extern "C" fn gt_server_refusal(transport: u32, frame: *mut gt_frame)
             // The same for any number of axes.
             Ok(gt_frame::new(
                 Connection(u64::MAX),
-                &Endpoint::<3, GT_MAX_MOTORS>::full_refusal(transport),
+                &Endpoint::<3>::full_refusal(transport),
             ))
         })
     }
@@ -293,15 +296,15 @@ pub unsafe extern "C" fn gt_server_set_epochs(
 /// Runs one cycle on everything that was fed since the last tick. Its work is bounded for
 /// any input: no allocation, no lock, no clock.
 ///
-/// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0;
-/// then send what gt_server_poll_transmit returns; then close what gt_server_poll_close returns.
+/// Call it once per cycle; then write `output->motors` to the drives if `output->write` is not 0, and
+/// tell gt_server_written what became of them; then send what gt_server_poll_transmit returns; then
+/// close what gt_server_poll_close returns.
 /// Drives need a watchdog for the case that no tick comes.
 ///
 /// The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not
 /// stand at what gt_start says is in force.
 ///
-/// Errors: GT_CODE_TICK_INPUT: reading, stop, rearm or last_write, in this order, is not one of its
-/// values, and `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+/// Errors: GT_CODE_TICK_INPUT: reading, stop or rearm, in this order, is not one of its values, and `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
 /// After an error nothing has changed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_tick(
@@ -344,15 +347,40 @@ pub unsafe extern "C" fn gt_server_hold(
     }
 }
 
-/// Takes note that the drives did not take the references of the last tick: its State then reports
-/// the values that are still in force. Call it before gt_server_poll_transmit. `last_write` tells
-/// the next tick; GT_WRITE_ACCEPTED is then taken for GT_WRITE_UNKNOWN.
+/// Takes note of what became of the references of the last tick: GT_WRITE_ACCEPTED,
+/// GT_WRITE_REFUSED, which stops, with the values in force at the drives, or GT_WRITE_UNKNOWN, which
+/// stops. Call it once after every tick, before gt_server_poll_transmit: its State reports the values
+/// in force, and the next tick goes on from them. Not called: unknown.
+///
+/// After a tick with `write` 0: GT_WRITE_REFUSED with the values that were read back, or
+/// GT_WRITE_UNKNOWN. `in_force`: as many values as there are axes; read for GT_WRITE_REFUSED only, else
+/// null is allowed.
+///
+/// Errors: GT_CODE_NOT_PENDING, GT_CODE_WITHHELD, GT_CODE_WRITE; GT_CODE_NULL_POINTER,
+/// GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT. But for GT_CODE_WITHHELD nothing has changed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_server_write_refused(server: *mut gt_server) -> gt_code {
+pub unsafe extern "C" fn gt_server_written(
+    server: *mut gt_server,
+    fate: u8,
+    in_force: *const gt_in_force,
+) -> gt_code {
     // SAFETY: the header's rules for pointers; null is allowed for the error.
     unsafe {
         reply(null_mut(), || {
-            ask!(server, server => server.endpoint.write_refused());
+            ask!(server, server => server.written(fate, in_force)?);
+            Ok(())
+        })
+    }
+}
+
+/// Takes note of the time from the departure of the last State to the arrival of the last Command, us.
+/// It is recorded, and reported by the State of the coming tick; without a call it is 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_note_arrival(server: *mut gt_server, us: u16) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        reply(null_mut(), || {
+            ask!(server, server => server.endpoint.note_arrival(us));
             Ok(())
         })
     }

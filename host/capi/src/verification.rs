@@ -5,7 +5,7 @@ use core::ffi::c_void;
 use core::ptr::null_mut;
 
 use gantry_tau_core::control::axis::Reference;
-use gantry_tau_core::control::endpoint::MotorMap;
+use gantry_tau_core::control::endpoint::{MotorMap, Write};
 use gantry_tau_core::control::message::State;
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{Output, Session, TickInput};
@@ -14,8 +14,8 @@ use crate::code::gt_code;
 use crate::error::gt_error;
 use crate::memory::{self, Object, Reply, tag};
 use crate::server::{
-    GT_MAX_MOTORS, gt_axis_config, gt_server_config, gt_start, gt_state, gt_tick_input,
-    gt_tick_output,
+    self, GT_MAX_MOTORS, gt_axis_config, gt_in_force, gt_server_config, gt_start, gt_state,
+    gt_tick_input, gt_tick_output,
 };
 
 /// Memory of a caller, aligned to [`memory::GT_ALIGN`].
@@ -115,6 +115,19 @@ pub fn judge(address: usize) -> Reply {
 /// A value that a field does not have.
 pub fn to_core<const N: usize>(input: &gt_tick_input) -> Reply<TickInput<N>> {
     input.to_core()
+}
+
+/// What C says of references, with what is at its pointer.
+///
+/// # Errors
+/// A fate that is none, or that references without a write cannot have; no values where some are
+/// needed.
+pub fn say<const N: usize>(
+    write: Write<'_, N>,
+    fate: u8,
+    in_force: Option<[gt_in_force; N]>,
+) -> Reply {
+    server::say(write, fate, || in_force.ok_or(gt_code::NullPointer.into()))
 }
 
 /// Output of a tick for C.

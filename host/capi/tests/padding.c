@@ -23,13 +23,13 @@ static void begin(void)
     memset(&input, 0, sizeof input);
     input.reading = GT_READING_DONE;
     input.stop = input.rearm = GT_RELEASED;
-    input.last_write = GT_WRITE_ACCEPTED;
     if (gt_server_config_thesis(&config, 3) != GT_CODE_OK) {
         exit(1);
     }
     config.black_box_ticks = GT_BLACK_BOX_TICKS;
     if (gt_server_init(&memory, sizeof memory, &config, &start, &server, NULL) != GT_CODE_OK ||
-        gt_server_tick(server, &input, &output, NULL) != GT_CODE_OK) {
+        gt_server_tick(server, &input, &output, NULL) != GT_CODE_OK ||
+        gt_server_written(server, GT_WRITE_ACCEPTED, NULL) != GT_CODE_OK) {
         exit(1);
     }
 }

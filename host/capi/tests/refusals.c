@@ -130,6 +130,7 @@ static void servers(void)
     gt_server *server = NULL, *none = NULL;
     gt_tick_input input;
     gt_tick_output output;
+    gt_in_force in_force[GT_MAX_AXES] = {{0}};
     gt_frame frame;
     gt_black_box box;
     uint64_t connection = 0, first = 0;
@@ -141,7 +142,6 @@ static void servers(void)
     memset(&input, 0, sizeof input);
     input.reading = GT_READING_DONE;
     input.stop = input.rearm = GT_RELEASED;
-    input.last_write = GT_WRITE_ACCEPTED;
     config.black_box_ticks = GT_BLACK_BOX_TICKS;
 
     EXPECT(NULL_POINTER, gt_server_init(NULL, sizeof memory, &config, &start, &server, &error));
@@ -219,14 +219,9 @@ static void servers(void)
             ABOUT(-1, READING, value);
             input.reading = GT_READING_DONE;
         }
-        if (value != GT_WRITE_ACCEPTED && value != GT_WRITE_REFUSED && value != GT_WRITE_UNKNOWN) {
-            input.last_write = value;
-            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
-            ABOUT(-1, LAST_WRITE, value);
-            input.last_write = GT_WRITE_ACCEPTED;
-        }
     }
-    /* Nothing to poll before the first tick. */
+    /* Nothing to poll before the first tick, and nothing to say. */
+    EXPECT(NOT_PENDING, gt_server_written(server, GT_WRITE_ACCEPTED, NULL));
     EXPECT(DONE, gt_server_poll_transmit(server, &frame));
     EXPECT(DONE, gt_server_poll_close(server, &connection));
     EXPECT(OK, gt_server_feed(server, 1, (const uint8_t *)"not a frame", 11, &flag));
@@ -249,7 +244,7 @@ static void servers(void)
     EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_part(server, 0, NULL, 0, &length));
     REFUSE(length != 10)
     EXPECT(OK, gt_server_black_box_part(server, 0, part, 10, &length));
-    REFUSE(length != 10 || memcmp(part, "GTBB\5\6\1\0\0\0", 10) != 0)
+    REFUSE(length != 10 || memcmp(part, "GTBB\6\6\1\0\0\0", 10) != 0)
     EXPECT(OK, gt_server_black_box_part(server, 2, part, sizeof part, &whole));
     memcpy(beginning, part, 8);
     memset(part, 77, sizeof part);
@@ -264,24 +259,51 @@ static void servers(void)
     EXPECT(OK, gt_server_black_box_release(server));
     EXPECT(INDEX, gt_server_black_box_part(server, 0, part, sizeof part, &length));
 
-    /* The drives refused the references: the server goes on from the values in force. */
-    input.last_write = GT_WRITE_REFUSED;
-    input.in_force[5].offsets.position_nm = -250;
-    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
-    REFUSE(!output.write || output.state.phase != GT_PHASE_FAULT || output.motors[5].position_nm != -150)
-    /* Refused again: the program must not end, and the next State says what is in force. */
-    EXPECT(OK, gt_server_write_refused(server));
-    EXPECT(OK, gt_server_is_at_zero(server, &at_zero));
-    REFUSE(at_zero)
-    /* With values in force beyond their limits, or unknown, nothing may be written. */
-    input.in_force[5].offsets.velocity_um_s = 1;
+    /* What became of the references is said once, and in time: these are unknown since their State was polled. */
+    EXPECT(NOT_PENDING, gt_server_written(server, GT_WRITE_ACCEPTED, NULL));
+    EXPECT(NULL_POINTER, gt_server_written(NULL, GT_WRITE_ACCEPTED, NULL));
     EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.write || output.motor_count != 6 || output.motors[5].position_nm != 0)
-    input.last_write = GT_WRITE_UNKNOWN;
+    for (int wrong = 0; wrong <= UINT8_MAX; wrong++) {
+        if (wrong < GT_WRITE_ACCEPTED || wrong > GT_WRITE_UNKNOWN) {
+            EXPECT(WRITE, gt_server_written(server, (uint8_t)wrong, in_force));
+        }
+    }
+    EXPECT(NULL_POINTER, gt_server_written(server, GT_WRITE_REFUSED, NULL));
+    EXPECT(MISALIGNED, gt_server_written(server, GT_WRITE_REFUSED, (const gt_in_force *)((const uint8_t *)in_force + 1)));
+    in_force[5].offsets.position_nm = -250;
+    EXPECT(OK, gt_server_written(server, GT_WRITE_REFUSED, in_force)); /* still waited for */
+    EXPECT(NOT_PENDING, gt_server_written(server, GT_WRITE_REFUSED, in_force));
+    /* The server goes on from the values that were read back. */
+    EXPECT(OK, gt_server_note_arrival(server, 321));
+    EXPECT(NULL_POINTER, gt_server_note_arrival(NULL, 321));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+    REFUSE(!output.write || output.state.phase != GT_PHASE_FAULT || output.motors[5].position_nm != -150)
+    REFUSE(output.state.arrival_us != 321)
+    /* Refused: the program must not end. */
+    EXPECT(OK, gt_server_written(server, GT_WRITE_REFUSED, in_force));
+    EXPECT(OK, gt_server_is_at_zero(server, &at_zero));
+    REFUSE(at_zero)
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+    REFUSE(!output.write || output.motors[5].position_nm != -150 || output.state.arrival_us != 0)
+    /* With values in force beyond their limits, or unknown, nothing may be written. */
+    in_force[5].offsets.velocity_um_s = 1;
+    EXPECT(OK, gt_server_written(server, GT_WRITE_REFUSED, in_force));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+    REFUSE(output.write)
+    EXPECT(OK, gt_server_written(server, GT_WRITE_UNKNOWN, NULL));
     EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.write)
     /* Only a read-back ends that. */
-    input.last_write = GT_WRITE_ACCEPTED;
+    EXPECT(WITHHELD, gt_server_written(server, GT_WRITE_ACCEPTED, NULL));
+    EXPECT(NOT_PENDING, gt_server_written(server, GT_WRITE_ACCEPTED, NULL));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+    REFUSE(output.write)
+    in_force[5].offsets.velocity_um_s = 0;
+    EXPECT(OK, gt_server_written(server, GT_WRITE_REFUSED, in_force));
+    EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+    REFUSE(!output.write)
+    /* Nothing said is nothing known. */
     EXPECT(OK, gt_server_tick(server, &input, &output, &error));
     REFUSE(output.write)
 
@@ -322,9 +344,13 @@ static void servers(void)
         EXPECT(OK, gt_server_tick(server, &input, &output, &error));
         /* The path is elsewhere: what is in force stands. */
         REFUSE(output.state.tick != 1 || output.motors[2].position_nm != 1498100)
+        EXPECT(OK, gt_server_written(server, GT_WRITE_ACCEPTED, NULL));
         /* Afterwards a measurement may be lost or far away. */
         input.actual[2].position_nm = 0;
         EXPECT(OK, gt_server_tick(server, &input, &output, &error));
+        EXPECT(OK, gt_server_hold(server, &input, &held, &error));
+        REFUSE(held.write || held.motors[2].position_nm != 0) /* nothing is said of them yet */
+        EXPECT(OK, gt_server_written(server, GT_WRITE_ACCEPTED, NULL));
         input.elapsed_cycles = 1;
         input.nominal_nm[2] = 1500000;
         EXPECT(OK, gt_server_hold(server, &input, &held, &error));

@@ -7,8 +7,8 @@
  *     f N [HEX]                 feed bytes
  *     e FIRST LAST              set epochs
  *     t E D S Q R W U AXIS... [IN_FORCE...]
- *                               tick: elapsed_cycles, reading, stop, quit, rearm, last_write, arrival_us; of each axis nominal and actual position,
- *                               velocity, torque; after a refused write of each axis nominal, position, velocity, torque
+ *                               tick: elapsed_cycles, reading, stop, quit, rearm, fate of its references (0: not said), arrival; of each axis
+ *                               nominal and actual position, velocity, torque; of a refused write of each axis nominal, position, velocity, torque
  *     b                         the black box: its parts, then release
  */
 #include <inttypes.h>
@@ -124,7 +124,9 @@ static void tick(gt_server *server, uint32_t axes)
     gt_tick_input input;
     gt_tick_output output;
     gt_frame frame;
+    gt_in_force in_force[GT_MAX_AXES];
     uint64_t connection;
+    uint8_t fate;
     gt_code code;
 
     memset(&input, 0x55, sizeof input); /* entries beyond the axes are not read */
@@ -133,17 +135,17 @@ static void tick(gt_server *server, uint32_t axes)
     input.stop = (uint8_t)natural();
     input.quit = (uint8_t)natural();
     input.rearm = (uint8_t)natural();
-    input.last_write = (uint8_t)natural();
-    input.arrival_us = (uint16_t)natural();
+    fate = (uint8_t)natural();
+    check(gt_server_note_arrival(server, (uint16_t)natural()));
     for (uint32_t i = 0; i < axes; i++) {
         input.nominal_nm[i] = number();
         input.actual[i].position_nm = number();
         input.actual[i].velocity_um_s = (int32_t)number();
         input.actual[i].torque_permille = (int16_t)number();
     }
-    for (uint32_t i = 0; input.last_write == GT_WRITE_REFUSED && i < axes; i++) {
-        input.in_force[i].nominal_nm = number();
-        input.in_force[i].offsets = offsets();
+    for (uint32_t i = 0; fate == GT_WRITE_REFUSED && i < axes; i++) {
+        in_force[i].nominal_nm = number();
+        in_force[i].offsets = offsets();
     }
     check(gt_server_tick(server, &input, &output, NULL));
     printf("write %u\n", output.write);
@@ -152,6 +154,9 @@ static void tick(gt_server *server, uint32_t axes)
     }
     printf("refused %" PRIu32 " welcomed %u owner %u %llu ended %s latched %u\n", output.refused, output.welcomed, output.has_owner, (unsigned long long)output.owner, causes[output.ended], output.latched);
     print_state(&output.state);
+    if (fate != 0) {
+        printf("written %s\n", gt_code_name(gt_server_written(server, fate, fate == GT_WRITE_REFUSED ? in_force : NULL)));
+    }
     while ((code = gt_server_poll_transmit(server, &frame)) == GT_CODE_OK) {
         printf("frame %llu ", (unsigned long long)frame.connection);
         print_hex(frame.bytes, frame.length);

@@ -52,6 +52,8 @@ fn releases_any<const HALF: usize>() {
 /// Any input with up to two events.
 fn any_input() -> Input<1> {
     let mut input = Input {
+        last_write: kani::any(),
+        arrival_us: kani::any(),
         tick: kani::any(),
         epochs: kani::any(),
         events: Events::new(),

@@ -1,5 +1,6 @@
 //! Any address, any memory of a caller, any value of a struct of C.
 
+use gantry_tau_capi::server::gt_in_force;
 use gantry_tau_capi::server::{GT_MAX_AXES, GT_MAX_MOTORS};
 use gantry_tau_capi::verification::Room;
 use gantry_tau_core::control::axis::Reference;
@@ -52,7 +53,17 @@ fn check_output<const N: usize>() {
     );
 }
 
+/// Anything that C says of references.
+fn check_written<const N: usize>() {
+    let session: Session<N> = kani::any();
+    let in_force: Option<[gt_in_force; N]> = kani::any();
+    kani::cover!(in_force.is_none(), "nothing at the pointer");
+    let said = (kani::any(), in_force);
+    capi::write_is_judged(&session, kani::any(), said, any_index(N));
+}
+
 harnesses! {
+    capi_written_is_judged [minisat, unwind 5] { check_written::<1>(); }
     capi_pointer_is_judged [minisat] { capi::pointer_is_judged(kani::any()); }
     capi_object_is_made [minisat, unwind 10] { capi::object_is_made(&mut kani::any(), kani::any(), kani::any()); }
     capi_object_is_found [minisat, unwind 10] {

@@ -1,12 +1,12 @@
 //! Any connection in any valid state. What a stream or a datagram holds is replaced by any outcome.
 
 use gantry_tau_core::control::message::{ClientMessage, ContentError, FrameError};
-use gantry_tau_core::control::session::OWNER_FRAMES;
+use gantry_tau_core::control::session::{OWNER_FRAMES, Session};
 use gantry_tau_core::control::wire::{Deframer, Feed, Frame};
 use gantry_tau_core::verification::control::Slot;
 
 use super::kani;
-use crate::properties::endpoint;
+use crate::properties::endpoint::{self, Told};
 
 /// Any outcome of a feed of at least one byte, and of no byte.
 #[cfg_attr(
@@ -67,5 +67,12 @@ harnesses! {
         let slot: Slot = kani::any();
         assume!(slot.is_valid() && slot.is_read(), slot.frames == OWNER_FRAMES, "no budget is left");
         endpoint::events_are_counted(&slot, &[0]);
+    }
+    endpoint_fate_is_told [minisat, unwind 5] {
+        let session: Session<1> = kani::any();
+        let told: Told<1> = kani::any();
+        endpoint::fate_is_told(&session, kani::any(), told);
+        kani::cover!(told == Told::Nothing, "nothing is said");
+        kani::cover!(matches!(told, Told::ReadBack(_)), "values are read back");
     }
 }

@@ -26,6 +26,7 @@ fn any_input<const N: usize>() -> StepInput<N> {
     StepInput {
         session: kani::any(),
         tick: kani::any(),
+        refused: kani::any(),
         accepted: kani::any(),
         diagnostics: any_diagnostics(),
     }

@@ -14,8 +14,9 @@ use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisState, Counters, Phase, State};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
-use gantry_tau_core::control::session::{LastWrite, Output};
+use gantry_tau_core::control::session::{LastWrite, Output, Session};
 use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::verification::control::{no_output, pending};
 
 /// Code of an answer.
 fn code<T>(answer: &Result<T, gt_error>) -> gt_code {
@@ -120,8 +121,7 @@ fn is_switch(value: u8) -> bool {
 pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
     let known = [GT_READING_DONE, GT_READING_FAILED].contains(&input.reading)
         && is_switch(input.stop)
-        && is_switch(input.rearm)
-        && [GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN].contains(&input.last_write);
+        && is_switch(input.rearm);
     let answer = verification::to_core::<N>(input);
     assert!(
         answer.is_ok() == known,
@@ -129,7 +129,7 @@ pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
     );
     let Ok(tick) = answer else { return };
     assert!(
-        tick.elapsed_cycles == input.elapsed_cycles && tick.arrival_us == input.arrival_us,
+        tick.elapsed_cycles == input.elapsed_cycles,
         "T26: the cycle arrives"
     );
     let pressed = (
@@ -155,21 +155,47 @@ pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
             "T26: measurements arrive"
         );
     }
-    let fate = match &tick.last_write {
-        LastWrite::Accepted => GT_WRITE_ACCEPTED,
-        LastWrite::Unknown => GT_WRITE_UNKNOWN,
-        LastWrite::Refused { in_force } => {
-            assert!(
-                same_in_force(&in_force[axis], &input.in_force[axis]),
-                "T26: values in force arrive"
-            );
-            GT_WRITE_REFUSED
-        }
+}
+
+/// T26: what C says of the references of a tick is judged: any code that is none changes nothing, and
+/// of references that were withheld none counts as taken; else it arrives, field by field. `axis`
+/// speaks for every one; without values in force there is nothing at the pointer.
+pub fn write_is_judged<const N: usize>(
+    session: &Session<N>,
+    withheld: bool,
+    (fate, in_force): (u8, Option<[gt_in_force; N]>),
+    axis: usize,
+) {
+    let mut output = no_output::<N>();
+    output.withheld = withheld;
+    let mut told = None;
+    let answer = verification::say(pending(session, &mut output, &mut told), fate, in_force);
+    let expected = match (fate, in_force) {
+        (GT_WRITE_ACCEPTED, _) if withheld => gt_code::Withheld,
+        (GT_WRITE_REFUSED, None) => gt_code::NullPointer,
+        (GT_WRITE_ACCEPTED | GT_WRITE_REFUSED | GT_WRITE_UNKNOWN, _) => gt_code::Ok,
+        _ => gt_code::Write,
     };
-    assert!(
-        fate == input.last_write,
-        "T26: the fate of the last references arrives"
-    );
+    assert!(code(&answer) == expected, "T26: the fate is judged");
+    match (told, in_force) {
+        (Some(LastWrite::Accepted), _) => assert!(
+            fate == GT_WRITE_ACCEPTED && !withheld,
+            "T26: accepted is what C said to be, and was written"
+        ),
+        (Some(LastWrite::Refused { in_force: told }), Some(given)) => assert!(
+            fate == GT_WRITE_REFUSED && same_in_force(&told[axis], &given[axis]),
+            "T26: values in force arrive"
+        ),
+        (Some(LastWrite::Unknown), _) => assert!(
+            fate == GT_WRITE_UNKNOWN || expected == gt_code::Withheld,
+            "T26: unknown is what C said to be, or cannot know"
+        ),
+        (None, _) => assert!(
+            [gt_code::Write, gt_code::NullPointer].contains(&expected),
+            "T26: a fate that is none changes nothing"
+        ),
+        _ => panic!("T26: values in force come from C"),
+    }
 }
 
 /// T26: the output of a tick arrives: the reference of every motor in use, and the State; `motor`

@@ -37,7 +37,9 @@ pub struct Before<const N: usize> {
     pub session: Session<N>,
     /// Values in force at the drives.
     pub drives: [InForce; N],
-    /// Input of the tick; `last_write` tells the fate.
+    /// Fate of the last references, as the server is told.
+    pub last_write: LastWrite<N>,
+    /// Input of the tick.
     pub tick: TickInput<N>,
     /// Accepted events.
     pub accepted: Accepted<N>,
@@ -68,7 +70,8 @@ impl<const N: usize> Before<N> {
         Self {
             session,
             drives,
-            tick: TickInput { last_write, ..tick },
+            last_write,
+            tick,
             accepted,
         }
     }
@@ -76,11 +79,12 @@ impl<const N: usize> Before<N> {
     /// Runs the tick: the session when its write is settled, the session after it, and its output.
     fn run(&self) -> (Session<N>, Session<N>, Output<N>) {
         let mut settled = self.session;
-        settled.apply_write_result(&self.tick.last_write);
+        settled.apply_write_result(&self.last_write);
         let diagnostics = Diagnostics::default();
         let input = StepInput {
             session: settled,
             tick: self.tick,
+            refused: self.last_write != LastWrite::Accepted,
             accepted: self.accepted,
             diagnostics,
         };
@@ -96,7 +100,7 @@ impl<const N: usize> Before<N> {
 /// T21: nothing is written while the values in force are unknown or beyond their limits.
 pub fn unknown_is_not_written<const N: usize>(before: &Before<N>) {
     let (_, _, output) = before.run();
-    let known = before.tick.last_write != LastWrite::Unknown
+    let known = before.last_write != LastWrite::Unknown
         && (0..N).all(|axis| {
             before
                 .config(axis)

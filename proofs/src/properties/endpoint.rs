@@ -1,8 +1,13 @@
 //! The endpoint: bytes of any connections in, bounded references out.
 
-use gantry_tau_core::control::endpoint::{Endpoint, FRAMES, Transport};
-use gantry_tau_core::control::session::{Connection, EVENTS, Event, LastWrite, Record, TickInput};
-use gantry_tau_core::verification::control::{Internals, Slot, inbox, is_open};
+use gantry_tau_core::control::axis::InForce;
+use gantry_tau_core::control::endpoint::{Endpoint, FRAMES, Transport, Write};
+use gantry_tau_core::control::session::{
+    Connection, EVENTS, Event, LastWrite, Record, Session, TickInput,
+};
+use gantry_tau_core::verification::control::{
+    Internals, Slot, inbox, is_open, last_write, no_output, pending,
+};
 
 use crate::properties::axis::{Bounded, Kind};
 
@@ -15,14 +20,73 @@ pub enum EndpointOp<const N: usize> {
     Close(Connection),
     /// Bytes from a connection, open or not.
     Feed(Connection, Vec<u8>),
-    /// A cycle.
-    Tick(TickInput<N>),
+    /// A cycle, and what is said of its references.
+    Tick(TickInput<N>, Told<N>),
+}
+
+/// What an embedder says of the references of a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub enum Told<const N: usize> {
+    /// The drives have taken them; of references that are withheld, nothing.
+    Accepted,
+    /// The drives have these values in force.
+    ReadBack([InForce; N]),
+    /// Nobody knows.
+    Unknown,
+    /// Nothing.
+    Nothing,
+}
+
+impl<const N: usize> Told<N> {
+    /// Says it.
+    pub fn say(self, write: Write<'_, N>) {
+        match (self, write) {
+            (Self::Accepted, Write::Due(write)) => write.accepted(),
+            (Self::ReadBack(in_force), Write::Due(write)) => write.refused(in_force),
+            (Self::ReadBack(in_force), Write::Withheld(drives)) => drives.read_back(in_force),
+            (Self::Unknown, write) => write.unknown(),
+            (Self::Nothing | Self::Accepted, _) => {}
+        }
+    }
+}
+
+/// T21: what is said of the references of a tick is what the next one goes on from, and what its
+/// State reports; what is not said is unknown; and accepted is only what was said to be.
+pub fn fate_is_told<const N: usize>(session: &Session<N>, withheld: bool, told: Told<N>) {
+    let mut output = no_output::<N>();
+    output.withheld = withheld;
+    let before = output.state;
+    let mut fate = None;
+    told.say(pending(session, &mut output, &mut fate));
+    let expected = match told {
+        Told::Accepted if !withheld => LastWrite::Accepted,
+        Told::ReadBack(in_force) => LastWrite::Refused { in_force },
+        Told::Accepted | Told::Unknown | Told::Nothing => LastWrite::Unknown,
+    };
+    let next = last_write(fate);
+    assert!(next == expected, "T21: what was said counts, and no more");
+    let mut settled = *session;
+    settled.apply_write_result(&next);
+    let reported = match fate {
+        None | Some(LastWrite::Accepted) => None,
+        Some(LastWrite::Refused { in_force }) if !settled.parts().withheld => Some(in_force),
+        Some(_) => Some(*session.in_force()),
+    };
+    for (axis, old) in before.axes.iter().enumerate() {
+        let new = &output.state.axes[axis];
+        let is = (new.nominal, new.offsets);
+        let expected = reported.map_or((old.nominal, old.offsets), |reported| {
+            (reported[axis].nominal, reported[axis].offsets)
+        });
+        assert!(is == expected, "T21: the State reports what is in force");
+    }
 }
 
 /// Any operation keeps the invariant, and with accepted writes no offset changes by more than its
 /// limit.
-pub fn takes_anything<const N: usize, const MOTORS: usize>(
-    endpoint: &mut Endpoint<N, MOTORS>,
+pub fn takes_anything<const N: usize>(
+    endpoint: &mut Endpoint<N>,
     op: &EndpointOp<N>,
     recorder: &mut impl Record<N>,
 ) {
@@ -31,7 +95,7 @@ pub fn takes_anything<const N: usize, const MOTORS: usize>(
         EndpointOp::Open(transport) => opens(endpoint, *transport),
         EndpointOp::Close(connection) => closes(endpoint, *connection),
         EndpointOp::Feed(connection, bytes) => feeds(endpoint, *connection, bytes),
-        EndpointOp::Tick(input) => tick(endpoint, input, recorder),
+        EndpointOp::Tick(input, told) => tick(endpoint, input, *told, recorder),
     }
     assert!(endpoint.is_valid(), "T25: the endpoint stays valid");
 }
@@ -39,7 +103,7 @@ pub fn takes_anything<const N: usize, const MOTORS: usize>(
 /// T25: an event that may still be posted before the tick finds room: of the owner as long as it
 /// has a connection, of others within their common budget. A session that has an owner can hear
 /// from it, or of its end.
-pub fn inbox_has_room<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N, MOTORS>) {
+pub fn inbox_has_room<const N: usize>(endpoint: &Endpoint<N>) {
     let Some(owner) = endpoint.session().owner() else {
         return;
     };
@@ -55,10 +119,7 @@ pub fn inbox_has_room<const N: usize, const MOTORS: usize>(endpoint: &Endpoint<N
 }
 
 /// T25: a new connection keeps the invariant, and has a number of its own.
-pub fn opens<const N: usize, const MOTORS: usize>(
-    endpoint: &mut Endpoint<N, MOTORS>,
-    transport: Transport,
-) {
+pub fn opens<const N: usize>(endpoint: &mut Endpoint<N>, transport: Transport) {
     let before = inbox(endpoint).len();
     if let Ok(connection) = endpoint.open(transport) {
         assert!(
@@ -74,10 +135,7 @@ pub fn opens<const N: usize, const MOTORS: usize>(
 }
 
 /// T25: a connection that is gone keeps the invariant; the owner's end is an event.
-pub fn closes<const N: usize, const MOTORS: usize>(
-    endpoint: &mut Endpoint<N, MOTORS>,
-    connection: Connection,
-) {
+pub fn closes<const N: usize>(endpoint: &mut Endpoint<N>, connection: Connection) {
     let before = inbox(endpoint).len();
     let was_open = is_open(endpoint, connection);
     endpoint.close(connection);
@@ -95,8 +153,8 @@ pub fn closes<const N: usize, const MOTORS: usize>(
 }
 
 /// Events in the inbox that are not of this connection.
-fn events_of_others<const N: usize, const MOTORS: usize>(
-    endpoint: &Endpoint<N, MOTORS>,
+fn events_of_others<const N: usize>(
+    endpoint: &Endpoint<N>,
     connection: Connection,
 ) -> Vec<(Connection, Event<N>)> {
     inbox(endpoint)
@@ -108,11 +166,7 @@ fn events_of_others<const N: usize, const MOTORS: usize>(
 
 /// T25: what is read from a connection keeps the invariant; events of others stand, in their order,
 /// and so do earlier ones of the owner.
-pub fn feeds<const N: usize, const MOTORS: usize>(
-    endpoint: &mut Endpoint<N, MOTORS>,
-    connection: Connection,
-    bytes: &[u8],
-) {
+pub fn feeds<const N: usize>(endpoint: &mut Endpoint<N>, connection: Connection, bytes: &[u8]) {
     let before = inbox(endpoint).to_vec();
     let of_others = events_of_others(endpoint, connection);
     let _ = endpoint.feed(connection, bytes);
@@ -155,22 +209,31 @@ pub fn events_are_counted(slot: &Slot, bytes: &[u8]) {
     );
 }
 
-/// A tick; T1 for every axis, T10, and no more frames than a tick has.
-fn tick<const N: usize, const MOTORS: usize>(
-    endpoint: &mut Endpoint<N, MOTORS>,
+/// A tick; T1 for every axis, and no more frames than a tick has.
+fn tick<const N: usize>(
+    endpoint: &mut Endpoint<N>,
     input: &TickInput<N>,
+    told: Told<N>,
     recorder: &mut impl Record<N>,
 ) {
     let before = *endpoint.session();
-    let motors = endpoint.tick_recorded(input, recorder);
+    let nominal = before.demanded().map(|axis| axis.nominal);
+    let was_taken = endpoint.output().is_none() || endpoint.hold(&nominal, 1).is_some();
+    let write = endpoint.tick_recorded(input, recorder);
+    let is_due = matches!(write, Write::Due(_));
+    told.say(write);
     let mut sent = 0;
     while let Some((_, frame)) = endpoint.poll_transmit() {
         assert!(!frame.is_empty(), "every message fits its frame");
         sent += 1;
     }
     assert!(sent <= FRAMES, "no more frames than there is room for");
+    assert!(
+        endpoint.pending().is_none(),
+        "T21: what was not said before the State is unknown"
+    );
     let after = endpoint.session();
-    if input.last_write == LastWrite::Accepted {
+    if was_taken {
         for index in 0..N {
             let limits = &after.config().parameters().axes[index].limits;
             let old = &before.parts().axes[index].channels;
@@ -182,15 +245,12 @@ fn tick<const N: usize, const MOTORS: usize>(
         panic!("a tick has an output");
     };
     assert!(
-        motors.is_none() == output.withheld,
+        is_due != output.withheld,
         "references are withheld exactly where they must be"
     );
-    let are_known = motors
-        .iter()
-        .flatten()
-        .all(|motor| output.references.iter().any(|reference| reference == motor));
+    let is_held = endpoint.hold(&nominal, 1).is_some();
     assert!(
-        are_known,
-        "T10: what motors receive is the references of axes"
+        is_held == (is_due && told == Told::Accepted),
+        "T21: accepted is only what was said to be"
     );
 }

@@ -209,11 +209,12 @@ fn offset_is_bounded(was: i64, is: i64, limits: LimitValues) {
 pub fn session_raises_no_alarm<const N: usize>(
     session: &Session<N>,
     tick: &TickInput<N>,
+    refused: bool,
     accepted: Accepted<N>,
 ) {
     let mut monitor = watching(session);
     let mut after = *session;
-    let output = after.step(tick, &accepted, &Diagnostics::default());
+    let output = after.step(tick, refused, &accepted, &Diagnostics::default());
     let result = if output.withheld {
         monitor.check_state(&output.state)
     } else {

@@ -24,6 +24,8 @@ pub struct StepInput<const N: usize> {
     pub session: Session<N>,
     /// Input from the machine.
     pub tick: TickInput<N>,
+    /// The drives did not take the last references.
+    pub refused: bool,
     /// Accepted events.
     pub accepted: Accepted<N>,
     /// Counts.
@@ -35,11 +37,12 @@ impl<const N: usize> StepInput<N> {
     #[must_use]
     pub fn after_events(session: &Session<N>, input: &Input<N>) -> Self {
         let mut session = *session;
-        session.apply_write_result(&input.tick.last_write);
+        session.apply_write_result(&input.last_write);
         let (accepted, diagnostics) = session.classify(&input.events, &input.epochs);
         Self {
             session,
             tick: input.tick,
+            refused: input.last_write != LastWrite::Accepted,
             accepted,
             diagnostics,
         }
@@ -49,7 +52,7 @@ impl<const N: usize> StepInput<N> {
     #[must_use]
     pub fn step(&self) -> (Session<N>, Output<N>) {
         let mut after = self.session;
-        let output = after.step(&self.tick, &self.accepted, &self.diagnostics);
+        let output = after.step(&self.tick, self.refused, &self.accepted, &self.diagnostics);
         (after, output)
     }
 }
@@ -61,13 +64,14 @@ pub fn decided_on<const N: usize>(input: &StepInput<N>) -> (FsmInput, Rules) {
     let StepInput {
         session,
         tick,
+        refused,
         accepted,
         ..
     } = input;
     let parts = session.parts();
     let parameters = session.config().parameters();
     let cycles = tick.elapsed_cycles.max(1);
-    let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
+    let outage = tick.reading.is_none() || *refused;
     let fsm = FsmInput {
         stop: accepted.fsm.stop || tick.stop || outage,
         quit: tick.quit,
@@ -116,6 +120,7 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     let known = Known {
         withheld: parts.withheld,
         off_path: parts.off_path,
+        refused: input.refused,
     };
     let (decision, complete, ordered) = order(
         parameters,
@@ -542,7 +547,7 @@ pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
 #[must_use]
 pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input<N> {
     let mut session = *before;
-    session.apply_write_result(&input.tick.last_write);
+    session.apply_write_result(&input.last_write);
     let classifier = ingress::classifier(&session, input.epochs.after(session.epoch()));
     let mut without = input.clone();
     without.events.retain(|(from, event)| {

@@ -2,27 +2,26 @@
 //! come and go. The recorded input of each tick, given to the reference model, must lead to the
 //! same output.
 
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::session::{
-    BlackBox, Connection, Event, NoRecorder, Session, TickInput,
+    BlackBox, Connection, Event, LastWrite, NoRecorder, Session,
 };
-use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::control::wire::{PROTOCOL_VERSION, encode_client};
 use gantry_tau_core::units::EpochRange;
 
-use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, answer, event, play, start};
-use crate::properties::endpoint::{EndpointOp, takes_anything};
+use super::{
+    ClientAction, Cycle, N, Peer, Scenario, SystemUnderTest, answer, event, fate, play, start,
+};
+use crate::properties::endpoint::{EndpointOp, Told, takes_anything};
 use crate::properties::wire::sealed;
 use crate::reference_model::ReferenceModel;
 
-/// An endpoint with a pair of motors.
-type Tested = Endpoint<N, 3>;
-
 /// Plays by bytes. The first client is on a stream, the other sends datagrams.
 pub fn endpoint_is_right(scenario: &Scenario) {
-    let (Some((session, model)), Ok(motors)) = (start(scenario), MotorMap::new([0, 0, 1])) else {
+    let Some((session, model)) = start(scenario) else {
         return;
     };
-    let endpoint = Tested::new(session, motors, EpochRange::VOLATILE);
+    let endpoint = Endpoint::new(session, EpochRange::VOLATILE);
     play(
         &mut EndpointUnderTest {
             endpoint,
@@ -34,7 +33,7 @@ pub fn endpoint_is_right(scenario: &Scenario) {
 }
 
 struct EndpointUnderTest {
-    endpoint: Tested,
+    endpoint: Endpoint<N>,
     model: ReferenceModel<N>,
     /// Connections of the two clients, where they are open.
     clients: [Option<Connection>; 2],
@@ -54,8 +53,8 @@ impl EndpointUnderTest {
         let session = self.endpoint.session();
         match event(session, action) {
             Event::Message(message) => encode_client(&message).to_vec(),
-            Event::Malformed(_) => sealed(1, 3, b"no command"),
-            Event::Dropped(_) => sealed(2, 1, b"a client of the next version"),
+            Event::Malformed(_) => sealed(PROTOCOL_VERSION, 3, b"no command"),
+            Event::Dropped(_) => sealed(PROTOCOL_VERSION + 1, 1, b"a client of the next version"),
             Event::Broken(_) | Event::Closed => b"no frame".to_vec(),
             Event::Flood => self.bytes(&answer(session, true, [[0; 3]; N])).repeat(9),
         }
@@ -103,11 +102,20 @@ impl SystemUnderTest for EndpointUnderTest {
         }
     }
 
-    fn tick(&mut self, input: TickInput<N>, epochs: EpochRange) {
-        self.endpoint.set_epochs(epochs);
+    fn tick(&mut self, cycle: Cycle) {
+        self.endpoint.set_epochs(cycle.epochs);
+        self.endpoint.note_arrival(cycle.arrival_us);
+        // Of the references of this tick, in this system.
+        let told = match fate(self.endpoint.session(), cycle.refused.as_ref()) {
+            LastWrite::Accepted => Told::Accepted,
+            LastWrite::Refused { in_force } => Told::ReadBack(in_force),
+            LastWrite::Unknown if cycle.arrival_us % 2 == 0 => Told::Nothing,
+            LastWrite::Unknown => Told::Unknown,
+        };
         // A fresh one for every tick: it shows what the endpoint made of the bytes.
         let mut black_box = BlackBox::<N, 1>::new();
-        takes_anything(&mut self.endpoint, &EndpointOp::Tick(input), &mut black_box);
+        let op = EndpointOp::Tick(cycle.tick, told);
+        takes_anything(&mut self.endpoint, &op, &mut black_box);
         let Some(entry) = black_box.entries().last() else {
             panic!("a tick is recorded")
         };

@@ -1,12 +1,10 @@
 //! A scenario on messages: every tick has every property, and is what the model says.
 
-use gantry_tau_core::control::session::{
-    BlackBox, Connection, Events, Input, Session, TickInput, replay,
-};
-use gantry_tau_core::units::{EpochRange, Tick};
+use gantry_tau_core::control::session::{BlackBox, Connection, Events, Input, Session, replay};
+use gantry_tau_core::units::Tick;
 use gantry_tau_core::verification::control::Internals as _;
 
-use super::{ClientAction, N, Peer, Scenario, SystemUnderTest, event, play, start};
+use super::{ClientAction, Cycle, N, Peer, Scenario, SystemUnderTest, event, fate, play, start};
 use crate::properties::session::StepInput;
 use crate::properties::{blackbox, fsm, motors, session};
 use crate::reference_model::ReferenceModel;
@@ -91,13 +89,15 @@ impl SystemUnderTest for SessionUnderTest {
         let _ = self.events.push((from, event));
     }
 
-    fn tick(&mut self, tick: TickInput<N>, epochs: EpochRange) {
+    fn tick(&mut self, cycle: Cycle) {
         let input = Input {
-            tick,
-            epochs,
+            tick: cycle.tick,
+            last_write: fate(&self.session, cycle.refused.as_ref()),
+            arrival_us: cycle.arrival_us,
+            epochs: cycle.epochs,
             events: std::mem::take(&mut self.events),
         };
-        session::settles_any_write(&self.session, &input.tick.last_write);
+        session::settles_any_write(&self.session, &input.last_write);
         let step = StepInput::after_events(&self.session, &input);
         session::step_is_right(&step);
         let (fsm, rules) = session::decided_on(&step);

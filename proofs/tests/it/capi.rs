@@ -46,14 +46,12 @@ prop_compose! {
 prop_compose! {
     /// Codes that are none are rare.
     fn tick_input()(
-        (elapsed_cycles, arrival_us, quit) in (any::<u32>(), any::<u16>(), 0..3_u8),
+        (elapsed_cycles, quit) in (any::<u32>(), 0..3_u8),
         [reading, stop, rearm] in [0..30_u8, 0..30, 0..30].prop_map(|codes| codes.map(|code| if code == 0 { 0 } else { 1 + code % 2 })),
-        last_write in prop_oneof![20 => 1..=3_u8, 1 => any::<u8>()],
         nominal_nm in uniform6(any::<i64>()),
         actual in uniform6(actual()),
-        in_force in uniform6(in_force()),
     ) -> gt_tick_input {
-        gt_tick_input { elapsed_cycles, reading, stop, quit, rearm, last_write, arrival_us, nominal_nm, actual, in_force }
+        gt_tick_input { elapsed_cycles, reading, stop, quit, rearm, nominal_nm, actual }
     }
 }
 
@@ -181,6 +179,14 @@ proptest! {
     fn inputs(input in tick_input(), axis in 0..6_usize) {
         capi::input_arrives::<3>(&input, axis % 3);
         capi::input_arrives::<6>(&input, axis);
+    }
+
+    #[test]
+    fn writes(
+        session in any::session::<3>(), withheld: bool, fate in prop_oneof![20 => 1..=3_u8, 1 => any::<u8>()],
+        in_force in option::weighted(0.9, [in_force(), in_force(), in_force()]), axis in 0..3_usize,
+    ) {
+        capi::write_is_judged(&session, withheld, (fate, in_force), axis);
     }
 
     #[test]

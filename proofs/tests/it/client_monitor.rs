@@ -310,10 +310,10 @@ proptest! {
     }
 
     #[test]
-    fn a_session_raises_no_alarm(config in config(), ticks in vec(tick_of_session(), 1..60)) {
+    fn a_session_raises_no_alarm(config in config(), ticks in vec((tick_of_session(), prop::bool::weighted(0.1)), 1..60)) {
         let start = Start::at_rest([PositionNm(0); N]);
         let mut session = Session::new(config, &start).unwrap();
-        for (tick, mut accepted) in ticks {
+        for ((tick, mut accepted), refused) in ticks {
             let discrete = session.parts().discrete;
             if let Some((sequence, _)) = &mut accepted.fsm.command {
                 *sequence = Sequence(discrete.accepted.0 + 1);
@@ -321,8 +321,8 @@ proptest! {
             if let Some((_, epoch)) = &mut accepted.fsm.hello {
                 *epoch = Epoch(discrete.epoch.0 + 1);
             }
-            monitor::session_raises_no_alarm(&session, &tick, accepted);
-            let _ = session.step(&tick, &accepted, &Diagnostics::default());
+            monitor::session_raises_no_alarm(&session, &tick, refused, accepted);
+            let _ = session.step(&tick, refused, &accepted, &Diagnostics::default());
         }
     }
 

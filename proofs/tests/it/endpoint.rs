@@ -4,17 +4,17 @@
 use crate::any;
 
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
 use gantry_tau_core::control::session::{Connection, Event, Input, NoRecorder, Session, Start};
 use gantry_tau_core::control::wire::encode_client;
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence};
 use gantry_tau_core::verification::control::{Internals, Slot};
-use gantry_tau_proofs::properties::endpoint::{EndpointOp, events_are_counted, takes_anything};
+use gantry_tau_proofs::properties::endpoint::{
+    EndpointOp, Told, events_are_counted, fate_is_told, takes_anything,
+};
 use proptest::collection::vec;
 use proptest::prelude::*;
-
-type Tested = Endpoint<2, 3>;
 
 /// Operation, and one that makes sense in most states.
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ enum Move {
 }
 
 fn on_time() -> EndpointOp<2> {
-    EndpointOp::Tick(Input::empty(EpochRange::VOLATILE).tick)
+    EndpointOp::Tick(Input::empty(EpochRange::VOLATILE).tick, Told::Accepted)
 }
 
 fn frames(messages: &[ClientMessage<2>]) -> Vec<u8> {
@@ -54,7 +54,7 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
         4 => connection().prop_map(move |from| EndpointOp::Feed(from, hello.clone())),
         1 => (connection(), vec(message, 0..20)).prop_map(|(from, all)| EndpointOp::Feed(from, frames(&all))),
         1 => (connection(), vec(any::<u8>(), 0..40)).prop_map(|(from, bytes)| EndpointOp::Feed(from, bytes)),
-        1 => any::tick_input().prop_map(EndpointOp::Tick),
+        1 => (any::tick_input(), any::told()).prop_map(|(tick, told)| EndpointOp::Tick(tick, told)),
         16 => Just(on_time()),
     ];
     let times = prop_oneof![8 => Just(1), 1 => 1..20_usize];
@@ -66,7 +66,7 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
     vec(one, 0..120)
 }
 
-fn ops(endpoint: &Tested, one: &Move) -> Vec<EndpointOp<2>> {
+fn ops(endpoint: &Endpoint<2>, one: &Move) -> Vec<EndpointOp<2>> {
     let (mode, offsets, times, cut) = match one {
         Move::Op(op) => return vec![op.clone()],
         Move::Answer(mode, offsets, times, cut) => (*mode, *offsets, *times, *cut),
@@ -99,14 +99,18 @@ proptest! {
     #[test]
     fn anything_happens(config in any::config::<2>(), moves in moves()) {
         let session = Session::new(config, &Start::at_rest([PositionNm(0); 2])).unwrap();
-        let motors = MotorMap::new([0, 0, 1]).unwrap();
-        let mut endpoint = Tested::new(session, motors, EpochRange::VOLATILE);
+        let mut endpoint = Endpoint::new(session, EpochRange::VOLATILE);
         for one in &moves {
             for op in ops(&endpoint, one) {
                 takes_anything(&mut endpoint, &op, &mut NoRecorder);
             }
             while endpoint.poll_close().is_some() {}
         }
+    }
+
+    #[test]
+    fn one_fate(session in any::session::<3>(), withheld: bool, told in any::told()) {
+        fate_is_told(&session, withheld, told);
     }
 
     /// An owner's connection by itself, beyond its budget: a Stop, another frame, noise, or a tick.

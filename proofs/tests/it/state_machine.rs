@@ -68,7 +68,7 @@ proptest! {
     ) {
         let before = Before::new(session, found, fate, tick, Accepted::nothing());
         let events = Events::from_slice(&events).unwrap();
-        let input = Input { tick: before.tick, epochs, events };
+        let input = Input { tick: before.tick, last_write: before.last_write, arrival_us: 0, epochs, events };
         let accepted = StepInput::after_events(&session, &input).accepted;
         drive::nothing_jumps(&Before { accepted, ..before });
     }
@@ -86,11 +86,11 @@ proptest! {
 
     #[test]
     fn one_step(
-        session in any::session::<3>(), tick in any::tick_input(), epochs in any::epochs(), order in any::order(),
-        (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
+        session in any::session::<3>(), tick in any::tick_input(), last_write in any::last_write(), epochs in any::epochs(),
+        order in any::order(), (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
     ) {
         let events = Events::from_slice(&events).unwrap();
-        let input = StepInput::after_events(&session, &Input { tick, epochs, events });
+        let input = StepInput::after_events(&session, &Input { tick, last_write, arrival_us: 0, epochs, events });
         session::step_is_right(&input);
         session::axes_act_by_themselves(&input, &order, &acted);
     }
@@ -98,9 +98,11 @@ proptest! {
     #[test]
     fn one_of_many_axes(
         session in any::session::<1>(), (config, mut axis) in any::axis(), command in any::axis_command(), tick in any::tick_input(),
+        last_write in any::last_write(),
         events in proptest::collection::vec((any::connection(), any::event()), 0..4), all_zero: bool, rests: bool,
     ) {
-        let input = Input { tick, epochs: EpochRange::VOLATILE, events: Events::from_slice(&events).unwrap() };
+        let events = Events::from_slice(&events).unwrap();
+        let input = Input { tick, last_write, arrival_us: 0, epochs: EpochRange::VOLATILE, events };
         let (fsm, rules) = session::decided_on(&StepInput::after_events(&session, &input));
         if rests {
             axis = Axis { nominal: axis.nominal, ..Axis::default() };
@@ -184,13 +186,15 @@ proptest! {
 
     #[test]
     fn a_copied_input(
-        ticks in [any::tick_input(), any::tick_input()], epochs in [any::epochs(), any::epochs()],
+        ticks in [any::tick_input(), any::tick_input()], writes in [any::last_write(), any::last_write()], arrivals: [u16; 2], epochs in [any::epochs(), any::epochs()],
         events in [proptest::collection::vec((any::connection(), any::event()), 0..=EVENTS),
             proptest::collection::vec((any::connection(), any::event()), 0..=EVENTS)],
     ) {
         let [place, given] = [0, 1].map(|which: usize| {
             let events = Events::from_slice(&events[which]).unwrap();
-            Input::<3> { tick: ticks[which], epochs: epochs[which], events }
+            Input::<3> {
+                tick: ticks[which], last_write: writes[which], arrival_us: arrivals[which], epochs: epochs[which], events,
+            }
         });
         blackbox::input_is_copied(place, &given);
     }

@@ -154,11 +154,7 @@ fn tick<const N: usize>(mut server: Server<N, N>, connections: u32, frames: u32)
         for other in &others {
             server.endpoint.feed(*other, &stops);
         }
-        black_box(
-            server
-                .endpoint
-                .tick_recorded(&input, &mut *server.black_box),
-        );
+        black_box(server.tick(&input));
         while let Some((_, bytes)) = server.endpoint.poll_transmit() {
             black_box(bytes);
         }

@@ -1,6 +1,6 @@
 //! The machines and the server that the calls are made on.
 
-use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::axis::{Offsets, Reference};
 use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
@@ -66,7 +66,8 @@ const HALF: usize = 4;
 
 /// A server in Obtain.
 pub(crate) struct Server<const N: usize, const MOTORS: usize> {
-    pub(crate) endpoint: Endpoint<N, MOTORS>,
+    pub(crate) endpoint: Endpoint<N>,
+    pub(crate) motors: MotorMap<N, MOTORS>,
     pub(crate) black_box: Box<BlackBox<N, HALF>>,
     pub(crate) connection: Connection,
     sequence: u64,
@@ -80,10 +81,11 @@ impl<const N: usize, const MOTORS: usize> Server<N, MOTORS> {
         let config = Config::new(Parameters::thesis([axis; N])).unwrap();
         let session = Session::new(config, &Start::at_rest([PositionNm(0); N])).unwrap();
         let motors = MotorMap::new(motors).unwrap();
-        let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
+        let mut endpoint = Endpoint::new(session, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Stream).unwrap();
         let mut server = Self {
             endpoint,
+            motors,
             black_box: Box::new(BlackBox::new()),
             connection,
             sequence: 0,
@@ -118,9 +120,14 @@ impl<const N: usize, const MOTORS: usize> Server<N, MOTORS> {
 
     pub(crate) fn cycle(&mut self, bytes: &[u8]) {
         self.endpoint.feed(self.connection, bytes);
-        let _ = self
-            .endpoint
-            .tick_recorded(&on_time(), &mut *self.black_box);
+        self.tick(&on_time());
+    }
+
+    /// Ticks; the motors take their references.
+    pub(crate) fn tick(&mut self, input: &TickInput<N>) -> [Reference; MOTORS] {
+        let write = (self.endpoint).tick_recorded(input, &mut *self.black_box);
+        let references = server_fixture::taken(write);
+        self.motors.spread(&references).unwrap()
     }
 }
 

@@ -232,12 +232,14 @@ type Word<'a> = &'a mut dyn FnMut([u8; 8]) -> Option<[u8; 8]>;
 pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
     let CycleInput {
         tick,
+        fate,
+        arrival_us,
         motion,
         pose,
         load,
     } = input;
     whole(&mut tick.elapsed_cycles, word)?;
-    whole(&mut tick.arrival_us, word)?;
+    whole(arrival_us, word)?;
     for flag in [&mut tick.stop, &mut tick.rearm] {
         let mut number = u8::from(*flag);
         whole(&mut number, word)?;
@@ -272,7 +274,7 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
         1 => Some(reading),
         _ => return None,
     };
-    let (mut kind, mut in_force) = match tick.last_write {
+    let (mut kind, mut in_force) = match *fate {
         LastWrite::Accepted => (0_u8, [InForce::at(PositionNm(0)); AXES]),
         LastWrite::Unknown => (1, [InForce::at(PositionNm(0)); AXES]),
         LastWrite::Refused { in_force } => (2, in_force),
@@ -284,7 +286,7 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
         whole(&mut one.offsets.velocity.0, word)?;
         whole(&mut one.offsets.torque.0, word)?;
     }
-    tick.last_write = match kind {
+    *fate = match kind {
         0 => LastWrite::Accepted,
         1 => LastWrite::Unknown,
         2 => LastWrite::Refused { in_force },

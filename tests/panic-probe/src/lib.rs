@@ -18,7 +18,7 @@ use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::{
     BlackBox, Client, Config, Connection, Endpoint, EpochRange, Mode, Monitor, MotorMap, Offsets,
-    Parameters, PositionNm, Session, Start, State, TickInput, Transport,
+    Parameters, PositionNm, Session, Start, State, TickInput, Transport, Write,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -51,7 +51,7 @@ fn serve(
 ) -> Option<i64> {
     let session = Session::new(Config::new(*parameters).ok()?, start).ok()?;
     let motors = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
-    let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
+    let mut endpoint = Endpoint::new(session, EpochRange::VOLATILE);
     let mut black_box_of_ticks = BlackBox::<6, 4>::new();
     let stream = endpoint.open(Transport::Stream).ok()?;
     let datagrams = endpoint.open(Transport::Datagram).ok()?;
@@ -59,10 +59,23 @@ fn serve(
     endpoint.feed(datagrams, bytes);
     endpoint.close(Connection(black_box(1)));
     let mut sum = 0_i64;
-    let motors = endpoint.tick_recorded(input, &mut black_box_of_ticks);
-    for motor in motors.iter().flatten() {
-        sum = sum.wrapping_add(motor.position.0);
+    match endpoint.tick_recorded(input, &mut black_box_of_ticks) {
+        Write::Due(write) => {
+            for motor in motors.spread(write.references()).iter().flatten() {
+                sum = sum.wrapping_add(motor.position.0);
+            }
+            match black_box(0) {
+                0 => write.accepted(),
+                1 => write.refused(start.in_force),
+                _ => write.unknown(),
+            }
+        }
+        Write::Withheld(drives) => drives.read_back(start.in_force),
     }
+    if let Some(write) = endpoint.pending() {
+        write.unknown();
+    }
+    endpoint.note_arrival(black_box(1));
     while let Some((_, bytes)) = endpoint.poll_transmit() {
         sum = sum.wrapping_add(i64::from(bytes.first().copied().unwrap_or(0)));
     }

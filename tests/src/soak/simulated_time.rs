@@ -9,7 +9,7 @@ use std::time::Duration;
 use gantry_tau::faults::Direction;
 use gantry_tau::faults::injector::FaultInjector;
 use gantry_tau::faults::plan::FaultPlan;
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase, State};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
 use gantry_tau_core::control::session::{Connection, OWNER_FRAMES, Session, Start, TickInput};
@@ -22,7 +22,7 @@ use super::cause_attribution::Evidence;
 use super::client::Client;
 use super::links::{KINDS, is_slow, plan};
 use crate::client::Noise;
-use crate::server_fixture::{NOMINAL_STEP_NM, on_time, parameters};
+use crate::server_fixture::{NOMINAL_STEP_NM, on_time, parameters, taken};
 
 const MS: Duration = Duration::from_millis(1);
 /// Clients at once, one more than there is room for.
@@ -53,7 +53,7 @@ pub fn run<const N: usize>(
 
 struct World<const N: usize> {
     noise: Noise,
-    endpoint: Endpoint<N, N>,
+    endpoint: Endpoint<N>,
     audit: Audit<N>,
     links: Vec<Link<N>>,
     opened: u64,
@@ -72,11 +72,7 @@ impl<const N: usize> World<N> {
         let session = Session::new(config, &Start::at_rest(nominal)).unwrap();
         Self {
             noise: Noise::new(seed.max(1)),
-            endpoint: Endpoint::new(
-                session,
-                MotorMap::new(std::array::from_fn(|axis| axis)).unwrap(),
-                EpochRange::VOLATILE,
-            ),
+            endpoint: Endpoint::new(session, EpochRange::VOLATILE),
             audit: Audit::new(
                 parameters.axes.map(|axis| axis.limits),
                 parameters.axes.map(|axis| axis.machine_travel),
@@ -161,7 +157,7 @@ impl<const N: usize> World<N> {
             rearm: faulted && self.one_in(20),
             ..on_time(self.nominal)
         };
-        let references = self.endpoint.tick(&input).unwrap();
+        let references = taken(self.endpoint.tick(&input));
         while let Some((to, bytes)) = self.endpoint.poll_transmit() {
             if let Some(link) = self.links.iter_mut().find(|link| link.connection == to) {
                 link.down.push(now - link.opened, bytes);

@@ -200,11 +200,11 @@ fn input<const N: usize>(
         stop: random.random_bool(0.02),
         quit: random.random_bool(0.01),
         rearm: random.random_bool(0.5),
-        last_write,
-        arrival_us: random.random(),
     };
     Input {
         tick,
+        last_write,
+        arrival_us: random.random(),
         epochs,
         events,
     }

@@ -114,7 +114,7 @@ fn a_window_goes_on_across_refused_references() {
     assert!(end.index >= HALF, "{} ticks before the cause", end.index);
     let inputs: Vec<_> = window.entries[end.index..]
         .iter()
-        .map(|entry| entry.input.tick.last_write)
+        .map(|entry| entry.input.last_write)
         .collect();
     assert!(
         matches!(inputs[0], LastWrite::Refused { in_force } if in_force[0].offsets.position.0 == 5_000),
@@ -162,7 +162,7 @@ fn a_window_goes_on_across_an_outage() {
     assert_eq!(window.end().index, 2);
     let fates: Vec<_> = window.entries[2..]
         .iter()
-        .map(|entry| entry.input.tick.last_write)
+        .map(|entry| entry.input.last_write)
         .collect();
     assert_eq!(fates[..4], [LastWrite::Unknown; 4]);
     assert!(matches!(fates[4], LastWrite::Refused { .. }));

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::Ordering;
 
 use gantry_tau_client::{ClientControls, ClientOptions, run};
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Phase};
 use gantry_tau_core::control::session::{Connection, Session, Start};
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
@@ -13,13 +13,13 @@ use gantry_tau_core::units::{EpochRange, PositionNm, Tick};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_tests::DEADLINE;
-use gantry_tau_tests::server_fixture::{LOOPBACK, on_time};
+use gantry_tau_tests::server_fixture::{LOOPBACK, on_time, taken};
 
 /// A server of one client, by hand: what it sends is the test's to send.
 struct Server {
     socket: UdpSocket,
     client: Option<SocketAddr>,
-    endpoint: Endpoint<3, 3>,
+    endpoint: Endpoint<3>,
     connection: Connection,
 }
 
@@ -27,8 +27,7 @@ impl Server {
     fn of<K: gantry_tau_machine::model::MachineKind<3>>(robot: &RobotFile<K, 3>) -> Self {
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let session = Session::new(config, &Start::at_rest([PositionNm(0); 3])).unwrap();
-        let motors = MotorMap::new([0, 1, 2]).unwrap();
-        let mut endpoint = Endpoint::new(session, motors, EpochRange::VOLATILE);
+        let mut endpoint = Endpoint::new(session, EpochRange::VOLATILE);
         let connection = endpoint.open(Transport::Datagram).unwrap();
         let socket = UdpSocket::bind(LOOPBACK).unwrap();
         socket.set_read_timeout(Some(DEADLINE)).unwrap();
@@ -68,8 +67,7 @@ impl Server {
 
     /// One tick; the frames it sends.
     fn tick(&mut self) -> Vec<Vec<u8>> {
-        let references = self.endpoint.tick(&on_time([PositionNm(0); 3]));
-        assert!(references.is_some());
+        taken(self.endpoint.tick(&on_time([PositionNm(0); 3])));
         let mut frames = Vec::new();
         while let Some((_, bytes)) = self.endpoint.poll_transmit() {
             frames.push(bytes.to_vec());

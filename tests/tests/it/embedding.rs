@@ -40,7 +40,7 @@ fn embedding_states_the_sizes_of_the_objects() {
     let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/embedding.md");
     let page = std::fs::read_to_string(page).unwrap();
     let rows = [
-        (size_of::<Endpoint<3, 3>>(), size_of::<Endpoint<6, 9>>()),
+        (size_of::<Endpoint<3>>(), size_of::<Endpoint<6>>()),
         (size_of::<BlackBox<3, 16>>(), size_of::<BlackBox<6, 16>>()),
         (size_of::<BlackBox<3, 64>>(), size_of::<BlackBox<6, 64>>()),
         (size_of::<l2::Compensator>(), size_of::<f1::Compensator>()),

@@ -1,8 +1,8 @@
-//! An endpoint for tests, with three motors, and its ticks as a host sees them.
+//! An endpoint for tests, and its ticks as a host sees them.
 
 use std::vec::Vec as StdVec;
 
-use super::{CONNECTIONS, Endpoint, FRAMES, MotorMap, Transport};
+use super::{CONNECTIONS, Endpoint, FRAMES, Transport, Write};
 use crate::control::axis::{Offsets, Reference};
 use crate::control::fixture::{command, on_time};
 use crate::control::message::{ClientMessage, Mode, ServerMessage};
@@ -15,7 +15,7 @@ pub(crate) const NOMINAL: [PositionNm; 2] = [PositionNm(0), PositionNm(1_000)];
 
 /// One tick.
 pub(crate) struct Ticked {
-    pub(crate) motors: [Reference; 3],
+    pub(crate) references: [Reference; 2],
     pub(crate) output: Output<2>,
     pub(crate) sent: StdVec<(Connection, StdVec<u8>)>,
     pub(crate) close: StdVec<Connection>,
@@ -35,7 +35,7 @@ impl Ticked {
 }
 
 pub(crate) struct Bench {
-    pub(crate) endpoint: Endpoint<2, 3>,
+    pub(crate) endpoint: Endpoint<2>,
     sequence: u64,
 }
 
@@ -43,9 +43,8 @@ impl Bench {
     pub(crate) fn new(parameters: Parameters<2>) -> Self {
         let session =
             Session::new(Config::new(parameters).unwrap(), &Start::at_rest(NOMINAL)).unwrap();
-        let motors = MotorMap::new([0, 0, 1]).unwrap();
         Self {
-            endpoint: Endpoint::new(session, motors, EpochRange::VOLATILE),
+            endpoint: Endpoint::new(session, EpochRange::VOLATILE),
             sequence: 0,
         }
     }
@@ -73,7 +72,11 @@ impl Bench {
     }
 
     pub(crate) fn tick(&mut self) -> Ticked {
-        let motors = self.endpoint.tick(&Self::input()).unwrap();
+        let Write::Due(write) = self.endpoint.tick(&Self::input()) else {
+            panic!("nothing to write");
+        };
+        let references = *write.references();
+        write.accepted();
         assert!(self.endpoint.is_valid());
         let mut sent = StdVec::new();
         while let Some((to, frame)) = self.endpoint.poll_transmit() {
@@ -86,7 +89,7 @@ impl Bench {
             .collect();
         assert!(self.endpoint.is_valid());
         Ticked {
-            motors,
+            references,
             output,
             sent,
             close,

@@ -2,11 +2,11 @@
 
 use std::vec::Vec as StdVec;
 
-use super::bench::{Bench, Ticked};
+use super::bench::{Bench, NOMINAL, Ticked};
 use super::*;
+use crate::control::axis::InForce;
 use crate::control::fixture::{HELLO, at, axis, limits};
 use crate::control::message::{Cause, Mode, Phase};
-use crate::control::session::LastWrite;
 use crate::control::session::config::Parameters;
 use crate::control::wire::{Frame, decode_server, encode_client};
 use crate::units::{Epoch, PositionNm};
@@ -71,7 +71,9 @@ fn paired_motors_receive_equal_references() {
     let (mut bench, owner) = obtaining(Transport::Stream);
     let command = bench.command(Mode::Obtain, at(-20_000));
     bench.endpoint.feed(owner, &command);
-    let [first, paired, other] = bench.tick().motors;
+    let motors = MotorMap::<2, 3>::new([0, 0, 1]).unwrap();
+    let references = bench.tick().references;
+    let [first, paired, other] = motors.spread(&references).unwrap();
     assert_eq!(first, paired);
     assert_eq!(first.position, PositionNm(-2_000));
     assert_eq!(other.position, PositionNm(1_000 - 2_000));
@@ -239,9 +241,9 @@ fn connections_are_numbered_once_and_limited() {
         0,
         "a closed connection has no voice"
     );
-    let notice = Endpoint::<2, 3>::full_refusal(Transport::Stream);
+    let notice = Endpoint::<2>::full_refusal(Transport::Stream);
     assert_eq!(notice, encode_notice(Notice::FULL));
-    let refusal = Endpoint::<2, 3>::full_refusal(Transport::Datagram);
+    let refusal = Endpoint::<2>::full_refusal(Transport::Datagram);
     let frame = Frame::parse(&refusal).unwrap();
     assert_eq!(
         decode_server::<2>(&frame),
@@ -273,7 +275,7 @@ fn frames_and_closings_that_are_not_polled_do_no_harm() {
     let other = bench.ask();
     for _ in 0..2 {
         bench.answer(owner);
-        let _ = bench.endpoint.tick(&Bench::input());
+        bench.due().accepted();
         assert_eq!(bench.endpoint.feed(other, &hello()), 0, "not read any more");
     }
     // The Refusal of the first tick is gone with that tick; its connection is still to be closed.
@@ -378,41 +380,53 @@ fn reported(bench: &mut Bench) -> [(i64, i32); 2] {
         .map(|axis| (axis.nominal.0, axis.offsets.position.0))
 }
 
+/// Position offset of both axes in force at the drives, at the nominal references of the bench.
+fn in_force(position: i32) -> [InForce; 2] {
+    NOMINAL.map(|nominal| InForce {
+        offsets: at(position)[0],
+        ..InForce::at(nominal)
+    })
+}
+
+impl Bench {
+    /// Ticks; the references are due.
+    fn due(&mut self) -> PendingWrite<'_, 2> {
+        match self.endpoint.tick(&Self::input()) {
+            Write::Due(write) => write,
+            Write::Withheld(_) => panic!("withheld"),
+        }
+    }
+
+    /// Ticks; nothing may be written.
+    fn withheld(&mut self) -> PendingReadBack<'_, 2> {
+        match self.endpoint.tick(&Self::input()) {
+            Write::Due(_) => panic!("due"),
+            Write::Withheld(read_back) => read_back,
+        }
+    }
+}
+
 /// While nothing reaches the drives, the State reports what they have, and the server does not end.
 #[test]
 fn a_refused_write_is_not_reported_as_in_force() {
     let (mut bench, owner) = obtaining(Transport::Stream);
     let command = bench.command(Mode::Obtain, at(-1_000));
     bench.endpoint.feed(owner, &command);
-    let _ = bench.endpoint.tick(&Bench::input());
-    bench.endpoint.write_refused();
-    assert_eq!(reported(&mut bench), [(0, 3_000), (1_000, 3_000)]);
-    let in_force = *bench.endpoint.session().in_force();
     // At the drives nothing moves, although the ramp would go on.
-    for last_write in [
-        LastWrite::Refused { in_force },
-        LastWrite::Unknown,
-        LastWrite::Refused { in_force },
-    ] {
-        let input = TickInput {
-            last_write,
-            ..Bench::input()
-        };
-        if bench.endpoint.tick(&input).is_some() {
-            bench.endpoint.write_refused();
-        }
-        assert_eq!(
-            reported(&mut bench),
-            [(0, 3_000), (1_000, 3_000)],
-            "{last_write:?}"
-        );
-    }
+    let here = [(0, 3_000), (1_000, 3_000)];
+    bench.due().refused(in_force(3_000));
+    assert_eq!(reported(&mut bench), here);
+    bench.due().unknown();
+    assert_eq!(reported(&mut bench), here);
+    bench.withheld().unknown();
+    assert_eq!(reported(&mut bench), here);
+    bench.withheld().read_back(in_force(3_000));
+    assert_eq!(reported(&mut bench), here);
     // Taken again: the ramp goes on from there, and the server may end when its zero was taken.
-    let input = TickInput {
-        last_write: LastWrite::Refused { in_force },
-        ..Bench::input()
-    };
-    assert!(bench.endpoint.tick(&input).is_some());
+    let write = bench.due();
+    assert_eq!(write.references()[0].position, PositionNm(2_900));
+    assert_eq!(write.parts(), in_force(2_900));
+    write.accepted();
     assert_eq!(reported(&mut bench), [(0, 2_900), (1_000, 2_900)]);
     for _ in 0..28 {
         bench.tick();
@@ -420,44 +434,101 @@ fn a_refused_write_is_not_reported_as_in_force() {
     assert!(!bench.endpoint.is_at_zero());
     bench.tick();
     assert!(bench.endpoint.is_at_zero());
-    let _ = bench.endpoint.tick(&Bench::input());
-    bench.endpoint.write_refused();
+    bench.due().refused(in_force(0));
     assert!(!bench.endpoint.is_at_zero());
 }
 
-/// After a refused write that the host does not report, the server does not go on from references
-/// that no drive took.
+/// What was read back is what the State reports and what the next tick goes on from; beyond the
+/// limits it is worth nothing.
 #[test]
-fn a_refused_write_is_not_accepted_afterwards() {
+fn values_that_were_read_back_count_from_the_same_tick_on() {
     let (mut bench, _) = obtaining(Transport::Stream);
-    let _ = bench.endpoint.tick(&Bench::input());
-    bench.endpoint.write_refused();
-    for _ in 0..2 {
-        assert!(bench.endpoint.tick(&Bench::input()).is_none());
+    bench.due().refused(in_force(1_234));
+    assert_eq!(reported(&mut bench), [(0, 1_234), (1_000, 1_234)]);
+    assert_eq!(bench.due().parts(), in_force(1_134));
+    let (mut bench, _) = obtaining(Transport::Stream);
+    bench.due().refused(in_force(100_001));
+    assert_eq!(reported(&mut bench), [(0, 3_000), (1_000, 3_000)]);
+    bench.withheld().read_back(in_force(-100_001));
+    assert_eq!(reported(&mut bench), [(0, 3_000), (1_000, 3_000)]);
+    bench.withheld().read_back(in_force(-100_000));
+    assert_eq!(reported(&mut bench), [(0, -100_000), (1_000, -100_000)]);
+    assert_eq!(bench.due().parts(), in_force(-99_900));
+}
+
+/// The server does not go on from references of which nobody says that a drive took them, however
+/// the embedder came to say nothing.
+#[test]
+fn what_is_not_told_is_unknown() {
+    let silences: [fn(&mut Bench); 3] = [
+        |bench| drop(bench.due()),
+        |bench| {
+            drop(bench.due());
+            assert_eq!(reported(bench), [(0, 3_000), (1_000, 3_000)]);
+            assert!(bench.endpoint.pending().is_none(), "too late");
+        },
+        |bench| bench.due().unknown(),
+    ];
+    for silence in silences {
+        let (mut bench, _) = obtaining(Transport::Stream);
+        silence(&mut bench);
+        assert!(!bench.endpoint.is_at_zero());
+        assert_eq!(bench.endpoint.hold(&NOMINAL, 1), None);
+        for _ in 0..2 {
+            drop(bench.withheld());
+            let session = bench.endpoint.session();
+            assert_eq!(session.phase(), Phase::Fault);
+        }
+        bench.withheld().read_back(in_force(3_000));
+        bench.due().accepted();
         assert_eq!(bench.endpoint.session().phase(), Phase::Fault);
+        bench.due().accepted();
     }
-    let last_write = LastWrite::Refused {
-        in_force: *bench.endpoint.session().in_force(),
+}
+
+#[test]
+fn an_interface_that_cannot_keep_the_references_asks_for_them_again() {
+    let (mut bench, owner) = obtaining(Transport::Stream);
+    bench.answer(owner);
+    drop(bench.due());
+    for _ in 0..2 {
+        let write = bench.endpoint.pending();
+        assert!(matches!(write, Some(Write::Due(_))));
+    }
+    let Some(Write::Due(write)) = bench.endpoint.pending() else {
+        panic!("nothing to write")
     };
-    assert!(
-        bench
-            .endpoint
-            .tick(&TickInput {
-                last_write,
-                ..Bench::input()
-            })
-            .is_some()
-    );
-    assert!(
-        bench.endpoint.tick(&Bench::input()).is_some(),
-        "this one was taken"
-    );
+    write.accepted();
+    assert!(bench.endpoint.pending().is_none(), "told once");
+    bench.answer(owner);
+    assert_eq!(bench.tick().output.state.phase, Phase::Obtain);
+}
+
+/// Before the first tick there is nothing to write, and nothing that could be unknown.
+#[test]
+fn an_endpoint_that_has_not_ticked_owes_nothing() {
+    let mut bench = bench();
+    assert!(bench.endpoint.pending().is_none() && bench.endpoint.poll_transmit().is_none());
+    assert!(!bench.endpoint.is_at_zero());
+    bench.due().accepted();
+    assert_eq!(bench.endpoint.session().phase(), Phase::Listening);
+}
+
+#[test]
+fn the_arrival_is_that_of_one_tick() {
+    let mut bench = bench();
+    for arrivals in [[700, 0], [65_535, 0]] {
+        bench.endpoint.note_arrival(arrivals[0]);
+        for arrival_us in arrivals {
+            assert_eq!(bench.tick().output.state.arrival_us, arrival_us);
+        }
+    }
 }
 
 /// One clause broken at a time, all others kept.
 #[test]
 fn every_clause_of_the_invariant_counts() {
-    type Break = fn(&mut Endpoint<2, 3>);
+    type Break = fn(&mut Endpoint<2>);
     let breaks: [(&str, Break); 8] = [
         ("slot", |endpoint| endpoint.slots[0].frames = 9),
         ("number", |endpoint| {

@@ -4,9 +4,7 @@
 use std::vec::Vec as StdVec;
 
 use super::config::{Config, Parameters};
-use super::{
-    Connection, Event, Events, Input, LastWrite, Output, Reading, Session, Start, TickInput,
-};
+use super::{Connection, Event, Events, Input, LastWrite, Output, Reading, Session, Start};
 use crate::control::axis::{InForce, Offsets};
 use crate::control::fixture::{HELLO, at, command};
 use crate::control::message::{ClientMessage, Mode};
@@ -117,12 +115,13 @@ impl Bench {
             .into_iter()
             .map(|message| (OWNER, Event::Message(message)))
             .collect();
-        self.tick_with(&events, |tick| {
+        self.tick_with(&events, |input| {
+            let tick = &mut input.tick;
             tick.reading = Some(Reading::unmeasured(nominal));
             match one {
                 Move::Late(cycles, _) => tick.elapsed_cycles = *cycles,
                 Move::Switches { stop, rearm } => (tick.stop, tick.rearm) = (*stop, *rearm),
-                Move::Written(last_write) => tick.last_write = *last_write,
+                Move::Written(last_write) => input.last_write = *last_write,
                 _ => {}
             }
         })
@@ -136,14 +135,14 @@ impl Bench {
     pub(super) fn tick_with(
         &mut self,
         events: &[(Connection, Event<2>)],
-        edit: impl FnOnce(&mut TickInput<2>),
+        edit: impl FnOnce(&mut Input<2>),
     ) -> Output<2> {
         let mut input = Input::empty(EPOCHS);
-        edit(&mut input.tick);
+        edit(&mut input);
         input.events = Events::from_slice(events).unwrap();
         let output = self.session.tick(&input);
         assert!(self.session.is_valid(), "{:?}", self.session.parts());
-        if let LastWrite::Refused { in_force } = &input.tick.last_write {
+        if let LastWrite::Refused { in_force } = &input.last_write {
             // Values beyond their limits are withheld, and not those that the bounds hold from.
             let _ = self.monitor.rebase(in_force);
         }

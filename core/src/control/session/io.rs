@@ -111,11 +111,6 @@ pub struct TickInput<const N: usize> {
     /// The re-arm at the machine is pressed. It counts only after it was seen released in the
     /// fault: a stuck one re-arms nothing.
     pub rearm: bool,
-    /// Fate of the references of the last tick.
-    pub last_write: LastWrite<N>,
-    /// Time from the departure of the last State to the arrival of the last command, µs; recorded
-    /// only. 0 without a measurement.
-    pub arrival_us: u16,
 }
 
 impl<const N: usize> TickInput<N> {
@@ -139,6 +134,11 @@ impl<const N: usize> TickInput<N> {
 pub struct Input<const N: usize> {
     /// Input from the machine.
     pub tick: TickInput<N>,
+    /// Fate of the references of the last tick.
+    pub last_write: LastWrite<N>,
+    /// Time from the departure of the last State to the arrival of the last command, µs; recorded
+    /// only. 0 without a measurement.
+    pub arrival_us: u16,
     /// Epochs that may be granted.
     pub epochs: EpochRange,
     /// Events from the network.
@@ -156,9 +156,9 @@ impl<const N: usize> Input<N> {
                 stop: false,
                 quit: false,
                 rearm: false,
-                last_write: LastWrite::Accepted,
-                arrival_us: 0,
             },
+            last_write: LastWrite::Accepted,
+            arrival_us: 0,
             epochs,
             events: Vec::new(),
         }
@@ -169,6 +169,8 @@ impl<const N: usize> Clone for Input<N> {
     fn clone(&self) -> Self {
         Self {
             tick: self.tick,
+            last_write: self.last_write,
+            arrival_us: self.arrival_us,
             epochs: self.epochs,
             events: self.events.clone(),
         }
@@ -177,6 +179,8 @@ impl<const N: usize> Clone for Input<N> {
     /// Copies `other` into this place: only the events in use, not the capacity.
     fn clone_from(&mut self, other: &Self) {
         self.tick = other.tick;
+        self.last_write = other.last_write;
+        self.arrival_us = other.arrival_us;
         self.epochs = other.epochs;
         self.events.clear();
         // There is room: both have the same capacity.
@@ -217,7 +221,7 @@ pub struct Output<const N: usize> {
 impl<const N: usize> Output<N> {
     /// No reference, no answer, the State of a server that has not run.
     #[inline]
-    pub(super) fn nothing() -> Self {
+    pub(crate) fn nothing() -> Self {
         let state = State {
             tick: Tick(0),
             epoch: Epoch(0),

@@ -7,7 +7,7 @@ use super::act::{Axis, AxisCommand, nominal_stepped};
 use super::config::{AxisConfig, Parameters};
 use super::fsm::{Action, Decision, FsmInput, FsmState, Rules, decide};
 use super::ingress::Accepted;
-use super::io::{LastWrite, TickInput};
+use super::io::TickInput;
 use crate::control::axis::{Actual, Reference};
 use crate::control::message::{AxisState, Phase};
 use crate::units::PositionNm;
@@ -38,6 +38,8 @@ pub struct Known {
     pub withheld: bool,
     /// The nominal references in force need not be those of the path.
     pub off_path: bool,
+    /// The references of the last tick were not taken.
+    pub refused: bool,
 }
 
 /// Decides, and lets every axis carry the decision out.
@@ -106,7 +108,7 @@ pub fn order<const N: usize>(
     // Unknown values in force do not count as zero.
     let zero = all_zero(axes) && !known.withheld;
     let agitated = is_agitated(parameters, axes);
-    let fsm = complete(accepted.fsm, zero, agitated, tick, &stepped);
+    let fsm = complete(accepted.fsm, known, zero, agitated, tick, &stepped);
     // All axes together: some of them moved and some not could be a pose that the machine does not
     // have.
     let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
@@ -220,13 +222,14 @@ fn all_nominal_stepped<const N: usize>(
 /// The only constructor of a complete input: accepted events, and the tick's own.
 fn complete<const N: usize>(
     accepted: FsmInput,
+    known: Known,
     all_zero: bool,
     agitated: bool,
     tick: &TickInput<N>,
     stepped: &[bool; N],
 ) -> FsmInput {
     // Somebody must look at a machine that was not read, or did not take its references.
-    let outage = tick.reading.is_none() || tick.last_write != LastWrite::Accepted;
+    let outage = tick.reading.is_none() || known.refused;
     FsmInput {
         stop: accepted.stop || tick.stop || outage,
         quit: tick.quit,

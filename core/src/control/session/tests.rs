@@ -442,7 +442,7 @@ fn a_goodbye_is_no_miss_and_the_ending_miss_is_one() {
         );
     }
     let silent = obtaining(0)
-        .tick_with(&[], |tick| tick.elapsed_cycles = 40)
+        .tick_with(&[], |input| input.tick.elapsed_cycles = 40)
         .state;
     assert_eq!((silent.counters.missed, silent.on_time_of_100), (40, 60));
 }
@@ -671,8 +671,8 @@ fn a_machine_that_cannot_be_read_stops_and_waits_for_the_path() {
         nominal: [PositionNm(300); 2],
         actual: [measured; 2],
     };
-    bench.tick_with(&[], |tick| tick.reading = Some(seen));
-    let blind = bench.tick_with(&[], |tick| tick.reading = None);
+    bench.tick_with(&[], |input| input.tick.reading = Some(seen));
+    let blind = bench.tick_with(&[], |input| input.tick.reading = None);
     assert_eq!((blind.state.phase, blind.ended), (Fault, Some(Cause::Stop)));
     assert_eq!(
         blind.references.map(|reference| reference.position.0),
@@ -785,6 +785,6 @@ fn the_last_of_a_burst_in_order_acts() {
 /// The server's own lateness is no miss of the client, and its cause is another.
 #[test]
 fn a_miss_in_a_late_tick_is_the_servers() {
-    let output = obtaining(0).tick_with(&[], |tick| tick.elapsed_cycles = 2);
+    let output = obtaining(0).tick_with(&[], |input| input.tick.elapsed_cycles = 2);
     assert_eq!(output.ended, Some(Cause::ServerLate));
 }

@@ -2,12 +2,12 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::control::endpoint::Endpoint;
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Write};
 use gantry_tau_core::control::session::{BlackBox, Reading};
 use gantry_tau_core::units::PositionNm;
 
-use super::config::{gt_server_config, gt_start};
-use super::tick::{gt_held, gt_tick_input, gt_tick_output};
+use super::config::{gt_in_force, gt_server_config, gt_start};
+use super::tick::{gt_held, gt_tick_input, gt_tick_output, say};
 use super::{
     GT_BLACK_BOX_NONE, GT_BLACK_BOX_TICKS, GT_MAX_MOTORS, GT_SERVER_SIZE_3,
     GT_SERVER_SIZE_3_BLACK_BOX, GT_SERVER_SIZE_6, GT_SERVER_SIZE_6_BLACK_BOX, GT_START_WINDOW_NM,
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::code::gt_code;
 use crate::error::gt_error;
-use crate::memory::{Object, Reply, resized, settle, size_of, tag};
+use crate::memory::{Object, Reply, read, resized, settle, size_of, tag};
 
 /// Ticks before and after an end that a black box keeps.
 #[expect(
@@ -32,8 +32,9 @@ pub(super) const NONE: usize = GT_BLACK_BOX_NONE as usize;
 
 /// Core's endpoint, and its black box.
 pub(super) struct Running<const N: usize, const TICKS: usize> {
-    pub(super) endpoint: Endpoint<N, GT_MAX_MOTORS>,
+    pub(super) endpoint: Endpoint<N>,
     pub(super) black_box: BlackBox<N, TICKS>,
+    motor_map: MotorMap<N, GT_MAX_MOTORS>,
     motors: usize,
 }
 
@@ -79,7 +80,8 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         let write = |(session, motors), place: *mut Self| {
             // SAFETY: the place is one for a server; these are all fields.
             unsafe {
-                (&raw mut (*place).endpoint).write(Endpoint::new(session, motors, start.epochs()));
+                (&raw mut (*place).endpoint).write(Endpoint::new(session, start.epochs()));
+                (&raw mut (*place).motor_map).write(motors);
                 (&raw mut (*place).black_box).write(BlackBox::new());
                 (&raw mut (*place).motors).write(usize::try_from(config.motors).unwrap_or(0));
             }
@@ -95,6 +97,7 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
             self.endpoint
                 .hold(&nominal, input.elapsed_cycles.max(1))
                 .as_ref(),
+            &self.motor_map,
             self.motors,
         )
     }
@@ -129,12 +132,28 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         if self.endpoint.output().is_none() {
             self.agrees_at_the_start(tick.reading.as_ref())?;
         }
-        let references = self.endpoint.tick_recorded(&tick, &mut self.black_box);
-        let output = self.endpoint.output().ok_or(gt_code::NoObject)?;
+        let write = self.endpoint.tick_recorded(&tick, &mut self.black_box);
+        let references = match &write {
+            Write::Due(write) => self.motor_map.spread(write.references()),
+            Write::Withheld(_) => None,
+        };
+        // What became of it is told in another call.
         Ok(gt_tick_output::new(
             references.as_ref(),
-            output,
+            write.output(),
             self.motors,
         ))
+    }
+
+    /// Takes note of what became of the references of the last tick.
+    ///
+    /// # Safety
+    /// As [`read`], for `in_force`: values of `N` axes.
+    pub(super) unsafe fn written(&mut self, fate: u8, in_force: *const gt_in_force) -> Reply {
+        let write = self.endpoint.pending().ok_or(gt_code::NotPending)?;
+        // SAFETY: the caller's promise.
+        say(write, fate, || unsafe {
+            read(in_force.cast::<[gt_in_force; N]>())
+        })
     }
 }

@@ -1,12 +1,12 @@
 //! Inputs and outputs of a tick.
 
-use gantry_tau_core::control::axis::{Actual, Reference};
-use gantry_tau_core::control::endpoint::CONNECTIONS;
+use gantry_tau_core::control::axis::{Actual, InForce, Reference};
+use gantry_tau_core::control::endpoint::{CONNECTIONS, MotorMap, Write};
 use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
-use gantry_tau_core::control::session::{Held, LastWrite, Output, Reading, TickInput};
+use gantry_tau_core::control::session::{Held, Output, Reading, TickInput};
 use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
 
-use super::config::{gt_in_force, gt_offsets, in_force};
+use super::config::{gt_in_force, gt_offsets};
 use super::{GT_MAX_AXES, GT_MAX_CONNECTIONS, GT_MAX_MOTORS};
 use crate::code::gt_code;
 use crate::error::{gt_error, gt_parameter, small};
@@ -58,7 +58,7 @@ pub const GT_READING_DONE: u8 = 1;
 /// The machine could not be read: `nominal_nm` and `actual` are not looked at.
 pub const GT_READING_FAILED: u8 = 2;
 
-/// The drives took the references of the last tick. Also the value for the first tick.
+/// The drives took the references.
 pub const GT_WRITE_ACCEPTED: u8 = 1;
 /// The drives did not take them, which stops; they were read back and have the values of
 /// `in_force`.
@@ -66,8 +66,8 @@ pub const GT_WRITE_REFUSED: u8 = 2;
 /// The drives did not take them, which stops, and cannot be read back.
 pub const GT_WRITE_UNKNOWN: u8 = 3;
 
-/// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: stop, rearm,
-/// last_write.
+/// Inputs of one tick. Zero is refused where a forgotten value would be dangerous: reading, stop,
+/// rearm.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
@@ -86,18 +86,10 @@ pub struct gt_tick_input {
     /// The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen
     /// released in Fault.
     pub rearm: u8,
-    /// Fate of the references of the last tick: GT_WRITE_ACCEPTED, GT_WRITE_REFUSED or
-    /// GT_WRITE_UNKNOWN.
-    pub last_write: u8,
-    /// Time from the departure of the last State to the arrival of the last Command, us; recorded
-    /// only. 0 without a measurement.
-    pub arrival_us: u16,
     /// Nominal references of this cycle, nm.
     pub nominal_nm: [i64; GT_MAX_AXES],
     /// Measurements of the drives.
     pub actual: [gt_actual; GT_MAX_AXES],
-    /// Values in force at the drives; read for GT_WRITE_REFUSED only.
-    pub in_force: [gt_in_force; GT_MAX_AXES],
 }
 
 /// References that one motor's drive receives.
@@ -277,7 +269,7 @@ pub struct gt_tick_output {
     /// Not 0: a stop is latched, by other than `quit`, and not re-armed. Store it before the motors
     /// are written; it is the `stop_latched` of the next start, in this process or a later one.
     pub latched: u8,
-    /// State after the tick.
+    /// State after the tick, as it is sent if the drives take the references.
     pub state: gt_state,
 }
 
@@ -325,27 +317,48 @@ impl gt_tick_input {
             stop: pressed(self.stop, gt_parameter::Stop)?,
             quit: self.quit != 0,
             rearm: pressed(self.rearm, gt_parameter::Rearm)?,
-            last_write: match self.last_write {
-                GT_WRITE_ACCEPTED => LastWrite::Accepted,
-                GT_WRITE_REFUSED => LastWrite::Refused {
-                    in_force: in_force(&self.in_force),
-                },
-                GT_WRITE_UNKNOWN => LastWrite::Unknown,
-                other => return Err(refused(other, gt_parameter::LastWrite)),
-            },
-            arrival_us: self.arrival_us,
         })
     }
 }
 
+/// Says of references what became of them; `in_force` is asked for values that were read back.
+pub(crate) fn say<const N: usize>(
+    write: Write<'_, N>,
+    fate: u8,
+    in_force: impl FnOnce() -> Reply<[gt_in_force; N]>,
+) -> Reply {
+    match (fate, write) {
+        (GT_WRITE_ACCEPTED, Write::Due(write)) => write.accepted(),
+        (GT_WRITE_ACCEPTED, write) => {
+            write.unknown();
+            return Err(gt_code::Withheld.into());
+        }
+        (GT_WRITE_REFUSED, write) => {
+            let in_force = in_force()?.map(InForce::from);
+            match write {
+                Write::Due(write) => write.refused(in_force),
+                Write::Withheld(drives) => drives.read_back(in_force),
+            }
+        }
+        (GT_WRITE_UNKNOWN, write) => write.unknown(),
+        _ => return Err(gt_code::Write.into()),
+    }
+    Ok(())
+}
+
 impl gt_held {
     /// Converts references, with `motors` motors in use.
-    pub(super) fn new(held: Option<&Held<GT_MAX_MOTORS>>, motors: usize) -> Self {
+    pub(super) fn new<const N: usize>(
+        held: Option<&Held<N>>,
+        map: &MotorMap<N, GT_MAX_MOTORS>,
+        motors: usize,
+    ) -> Self {
+        let references = held.and_then(|held| map.spread(&held.references));
         Self {
-            write: held.is_some().into(),
+            write: references.is_some().into(),
             follows: held.is_some_and(|held| held.follows).into(),
             motor_count: small(motors),
-            motors: places(held.map(|held| &held.references), motors),
+            motors: places(references.as_ref(), motors),
         }
     }
 }

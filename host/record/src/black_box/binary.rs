@@ -3,11 +3,10 @@
 //!
 //! | part | content |
 //! |---|---|
-//! | 0 | `GTBB`, version 5 (or 4), number of axes (one byte each), number of ticks (`u32`, little-endian) |
+//! | 0 | `GTBB`, version 6, number of axes (one byte each), number of ticks (`u32`, little-endian) |
 //! | 1 | length of the rest of the part (`u32`, little-endian), the session before the oldest tick |
 //! | 2 on | length, one tick, oldest first; as many as part 0 announces |
 
-use gantry_tau_core::control::session::SessionV4;
 use gantry_tau_server::black_box::Window;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -17,9 +16,7 @@ use super::FileError;
 /// First bytes of a file.
 const FORMAT: &[u8] = b"GTBB";
 /// Version of the layout.
-const VERSION: u8 = 5;
-/// Version before it, which is read as well.
-const OLD_VERSION: u8 = 4;
+const VERSION: u8 = 6;
 
 /// True if a file begins as one in the binary form.
 pub(super) fn is_binary(bytes: &[u8]) -> bool {
@@ -34,21 +31,11 @@ pub(super) fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
 /// As [`super::decode`].
 pub(super) fn decode<const N: usize>(name: &str, bytes: &[u8]) -> Result<Window<N>, FileError> {
     let mut parts = PartReader::of(name, bytes);
-    let Head {
-        version,
-        axes,
-        ticks,
-    } = parts.head()?;
+    let Head { axes, ticks } = parts.head()?;
     if axes != N {
         return Err(parts.refuse(format!("axes is {axes}, expected {N}")));
     }
-    let before = if version == OLD_VERSION {
-        let old: SessionV4<N> = parts.read()?;
-        old.session()
-            .ok_or_else(|| parts.refuse("the session is not valid"))?
-    } else {
-        parts.read()?
-    };
+    let before = parts.read()?;
     let entries: Vec<_> = (0..ticks).map(|_| parts.read()).collect::<Result<_, _>>()?;
     if parts.rest.is_empty() {
         Ok(Window {
@@ -65,7 +52,6 @@ pub(super) fn decode<const N: usize>(name: &str, bytes: &[u8]) -> Result<Window<
 
 /// Part 0.
 struct Head {
-    version: u8,
     axes: usize,
     ticks: usize,
 }
@@ -93,10 +79,8 @@ impl<'a> PartReader<'a> {
             return Err(self.refuse("the file ends within the first 10 bytes"));
         };
         let [_, _, _, _, version, axes, ticks @ ..] = *head;
-        if version != VERSION && version != OLD_VERSION {
-            let reason = format!(
-                "version is {version}; this program reads versions {OLD_VERSION} and {VERSION}"
-            );
+        if version != VERSION {
+            let reason = format!("version is {version}; this program reads version {VERSION}");
             return Err(self.refuse(reason));
         }
         let ticks = usize::try_from(u32::from_le_bytes(ticks)).unwrap_or(usize::MAX);
@@ -105,7 +89,6 @@ impl<'a> PartReader<'a> {
         }
         self.rest = rest;
         Ok(Head {
-            version,
             axes: axes.into(),
             ticks,
         })

@@ -1,6 +1,6 @@
 //! Windows as JSON lines, by core's `serde` types.
 
-use gantry_tau_core::control::session::{Output, SessionV4};
+use gantry_tau_core::control::session::Output;
 use gantry_tau_server::black_box::Window;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -8,13 +8,10 @@ use serde_json::Value;
 
 use super::FileError;
 
-/// Version before that of the label, which is read as well.
-const OLD_VERSION: u32 = 4;
 /// Label of the files of sessions.
 const LABEL: Label = Label {
     format: "gantry-tau black box",
-    version: 5,
-    oldest: OLD_VERSION,
+    version: 6,
     what: "a black box of gantry-tau",
 };
 /// Number of lines before the first tick.
@@ -26,8 +23,6 @@ pub(super) struct Label {
     pub(super) format: &'static str,
     /// Version of the layout.
     pub(super) version: u32,
-    /// Oldest version that is read; the one before, or the same.
-    pub(super) oldest: u32,
     /// The kind in errors.
     pub(super) what: &'static str,
 }
@@ -69,13 +64,7 @@ pub(super) fn axes(name: &str, bytes: &[u8]) -> Result<usize, FileError> {
 pub(super) fn decode<const N: usize>(name: &str, bytes: &[u8]) -> Result<Window<N>, FileError> {
     let lines = Lines::of(name, bytes, &LABEL);
     let numbers = lines.ticks(N)?;
-    let before = if lines.head()?.version == OLD_VERSION {
-        let old: SessionV4<N> = lines.read(2)?;
-        old.session()
-            .ok_or_else(|| lines.refuse(2, "the session is not valid"))?
-    } else {
-        lines.read(2)?
-    };
+    let before = lines.read(2)?;
     let entries = numbers.map(|number| lines.read(number));
     Ok(Window {
         before,
@@ -181,13 +170,9 @@ impl<'a> Lines<'a> {
         }
         let first = self.first();
         let version = first.get("version").unwrap_or(&Value::Null);
-        let known = [self.label.oldest, self.label.version];
-        if !known.iter().any(|known| version == *known) {
-            let known = match known {
-                [oldest, newest] if oldest < newest => format!("versions {oldest} and {newest}"),
-                [_, only] => format!("version {only}"),
-            };
-            let reason = format!("version is {version}; this program reads {known}");
+        let known = self.label.version;
+        if version != known {
+            let reason = format!("version is {version}; this program reads version {known}");
             return Err(self.refuse(1, reason));
         }
         let head: Head = self.read(1)?;

@@ -20,7 +20,6 @@ use super::json::{Label, Lines, head, json};
 const LABEL: Label = Label {
     format: "gantry-tau position loops",
     version: 1,
-    oldest: 1,
     what: "a black box of position loops",
 };
 

@@ -1,6 +1,6 @@
 //! Files are read back bit for bit; edited files are replayed, or refused with line and reason.
 
-use gantry_tau_core::control::session::{BlackBox, SessionV4, replay};
+use gantry_tau_core::control::session::{BlackBox, replay};
 use gantry_tau_server::black_box::swap_channel;
 use gantry_tau_test_support::black_boxes::window;
 
@@ -73,7 +73,7 @@ fn add_part(file: &mut Vec<u8>, content: &impl serde::Serialize) {
 
 /// Returns the file that a program in C would write.
 fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
-    let mut file = b"GTBB\x05".to_vec();
+    let mut file = b"GTBB\x06".to_vec();
     file.push(u8::try_from(N).unwrap());
     file.extend(u32::try_from(window.entries.len()).unwrap().to_le_bytes());
     add_part(&mut file, &window.before);
@@ -81,87 +81,6 @@ fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
         add_part(&mut file, entry);
     }
     file
-}
-
-/// The first window without an agitation budget, from this seed on.
-fn without_budget<const N: usize>(seed: u64) -> Window<N> {
-    (seed..)
-        .map(window)
-        .find(|window: &Window<N>| {
-            let mut axes = window.before.config().parameters().axes.iter();
-            axes.all(|axis| axis.agitation.is_none())
-        })
-        .unwrap()
-}
-
-/// Returns the same window as files of version 4, in both forms.
-fn version_4<const N: usize>(window: &Window<N>) -> (String, Vec<u8>) {
-    let text = encode(window)
-        .replacen("\"version\":5", "\"version\":4", 1)
-        .replace(",\"agitation\":null", "")
-        .replace(",\"agitation\":0", "");
-    let line = text.lines().nth(1).unwrap();
-    let session: SessionV4<N> = serde_json::from_str(line).unwrap();
-    let mut file = b"GTBB\x04".to_vec();
-    file.push(u8::try_from(N).unwrap());
-    file.extend(u32::try_from(window.entries.len()).unwrap().to_le_bytes());
-    add_part(&mut file, &session);
-    for entry in &window.entries {
-        add_part(&mut file, entry);
-    }
-    (text, file)
-}
-
-fn old_files_replay<const N: usize>(seed: u64) {
-    let window = without_budget::<N>(seed);
-    let (text, binary) = version_4(&window);
-    for file in [text.as_bytes(), &binary] {
-        assert_eq!(axes("old", file), Ok(N));
-        let read = decode::<N>("old", file).unwrap();
-        assert_eq!(read, window);
-        let replayed = replay(&read.before, &read.entries);
-        assert_eq!(replayed.agreeing, window.entries.len());
-    }
-}
-
-#[test]
-fn files_of_version_4_are_read_and_replayed() {
-    for seed in 0..20 {
-        old_files_replay::<3>(seed);
-        old_files_replay::<6>(seed);
-    }
-}
-
-#[test]
-fn an_edited_file_of_version_4_is_refused() {
-    let (text, binary) = version_4(&without_budget::<3>(3));
-    for (from, to, words) in [
-        (
-            "\"version\":4",
-            "\"version\":5",
-            "missing field `agitation`",
-        ),
-        (
-            "\"handshake_ticks\":1000",
-            "\"handshake_ticks\":0",
-            "the session is not valid",
-        ),
-        ("\"misses\":", "\"misses\":2", "the session is not valid"),
-        (
-            "\"nominal_step_nm\":",
-            "\"agitation\":null,\"nominal_step_nm\":",
-            "a field is missing, unknown",
-        ),
-    ] {
-        let file = text.replacen(from, to, 1);
-        assert_ne!(file, text, "{from}");
-        let refused = decode::<3>("a", file.as_bytes()).unwrap_err().to_string();
-        assert!(
-            refused.starts_with("a, line 2: ") && refused.contains(words),
-            "{refused}"
-        );
-    }
-    refused(&binary, |file| file[4] = 5, "a, part 1: ");
 }
 
 /// An edited copy of a file is refused with these words.
@@ -187,8 +106,8 @@ fn an_edited_binary_file_is_refused_with_part_and_reason() {
     );
     refused(
         &file,
-        |file| file[4] = 3,
-        "a, part 0: version is 3; this program reads versions 4 and 5",
+        |file| file[4] = 5,
+        "a, part 0: version is 5; this program reads version 6",
     );
     refused(
         &file,
@@ -283,9 +202,9 @@ fn an_edited_file_is_refused_with_line_and_reason() {
         ),
         (
             1,
+            "\"version\":6",
             "\"version\":5",
-            "\"version\":3",
-            "line 1: version is 3; this program reads versions 4 and 5",
+            "line 1: version is 5; this program reads version 6",
         ),
         (
             1,

@@ -78,9 +78,9 @@ impl Connections {
 
     /// Accepts new peers and reads from all; or reads from `only`, as far as the transport can tell
     /// it apart. Returns the number of frames of the owner in the coming tick.
-    pub(super) fn receive<const N: usize, const M: usize>(
+    pub(super) fn receive<const N: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M>,
+        endpoint: &mut Endpoint<N>,
         only: Option<Connection>,
     ) -> u8 {
         match self {

@@ -6,11 +6,11 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
 use gantry_tau_core::control::axis::InForce;
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Write};
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::control::session::{self, LastWrite, Session, Start, TickInput};
+use gantry_tau_core::control::session::{self, Session, Start, TickInput};
 use gantry_tau_core::units::EpochRange;
 
 use super::ServerError;
@@ -44,7 +44,7 @@ pub struct OperatorInputs {
 pub struct Cycle<const N: usize, const M: usize, P: Plant<N, M>> {
     /// First, so that a machine is given back before the addresses.
     plant: P,
-    endpoint: Box<Endpoint<N, M>>,
+    endpoint: Box<Endpoint<N>>,
     connections: Connections,
     sensor: Option<SensorPublisher>,
     accelerometer: Option<AccelerometerPublisher>,
@@ -107,7 +107,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             Session::new(config, &start).map_err(|error| ServerError::Start(error.into()))?;
         Ok(Self {
             plant,
-            endpoint: Box::new(Endpoint::new(session, motors, epochs)),
+            endpoint: Box::new(Endpoint::new(session, epochs)),
             connections,
             sensor: None,
             accelerometer: None,
@@ -193,7 +193,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
 
     /// Returns core's endpoint.
     #[must_use]
-    pub const fn endpoint(&self) -> &Endpoint<N, M> {
+    pub const fn endpoint(&self) -> &Endpoint<N> {
         &self.endpoint
     }
 
@@ -267,7 +267,6 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
 
     /// Runs one tick, `elapsed` cycles after the last, on what was received since.
     pub fn step(&mut self, elapsed: u32, operator: OperatorInputs) -> TickRecord<N> {
-        let last_write = self.last_write();
         if operator.rearm && !operator.stop && !operator.quit && self.phase() == Phase::Fault {
             self.plant.reset();
         }
@@ -283,49 +282,52 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             stop: operator.stop,
             quit: operator.quit,
             rearm: operator.rearm,
-            last_write,
-            arrival_us: u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX),
         };
-        let references = match &mut self.black_boxes {
+        self.endpoint
+            .note_arrival(u16::try_from(round_trip_us.unwrap_or(0)).unwrap_or(u16::MAX));
+        let write = match &mut self.black_boxes {
             Some(sender) => self.endpoint.tick_recorded(&input, sender.black_box()),
             None => self.endpoint.tick(&input),
         };
         // Before anything acts, so that no crash can undo a stop; a disk that hangs is waited for a
         // moment only.
-        self.latch.set(self.is_latched());
-        let parts = self.endpoint.session().demanded();
+        self.latch.set(write.output().latched);
         let written = match &mut self.velocity {
-            None => references.map(|references| match self.plant.write(&references, &parts) {
-                Ok(()) => Written::Followed,
-                Err(error) => Written::Failed(PlantFailure::of(&error)),
-            }),
-            Some(velocity) => self.endpoint.output().map(|output| {
+            None => match &write {
+                Write::Withheld(_) => None,
+                Write::Due(write) => self.motors.spread(write.references()).map(|references| {
+                    match self.plant.write(&references, &write.parts()) {
+                        Ok(()) => Written::Followed,
+                        Err(error) => Written::Failed(PlantFailure::of(&error)),
+                    }
+                }),
+            },
+            Some(velocity) => {
+                let output = write.output();
                 let followed = Followed {
                     references: &output.references,
-                    parts: &parts,
+                    parts: &write.parts(),
                     withheld: output.withheld,
                     actual: reading.map(|reading| &reading.actual),
                     phase: output.state.phase,
                     ends: output.ended.is_some(),
                     operator,
                 };
-                velocity.write(
+                Some(velocity.write(
                     &mut self.plant,
                     &followed,
                     self.black_boxes.as_mut().map(Sender::loops),
-                )
-            }),
+                ))
+            }
         };
         self.write_failed = written != Some(Written::Followed);
+        say(write, self.write_failed, &mut self.plant);
         let plant_failed = reading.is_none() || matches!(written, None | Some(Written::Failed(_)));
         let failure = match (&read, written) {
             (Err(error), _) => Some(PlantFailure::of(error)),
             (Ok(_), Some(Written::Failed(failure))) => Some(failure),
             (Ok(_), _) => None,
         };
-        if self.write_failed {
-            self.endpoint.write_refused();
-        }
         let row = TickRecord {
             failure,
             plant_failed,
@@ -400,19 +402,6 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         }
     }
 
-    /// Returns the fate of the last references. After a failed write, or none, the machine is read
-    /// back.
-    fn last_write(&mut self) -> LastWrite<N> {
-        if !self.write_failed {
-            return LastWrite::Accepted;
-        }
-        self.plant
-            .in_force()
-            .map_or(LastWrite::Unknown, |in_force| LastWrite::Refused {
-                in_force,
-            })
-    }
-
     /// Summarises the tick that has just run, but for its failures.
     fn row(
         &self,
@@ -437,5 +426,24 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             latched: output.latched,
             latch_lost: self.latch.is_lost(),
         }
+    }
+}
+
+/// Says what became of references. After a failed write, or none, the machine is read back.
+fn say<const N: usize, const M: usize>(
+    write: Write<'_, N>,
+    failed: bool,
+    plant: &mut impl Plant<N, M>,
+) {
+    match write {
+        Write::Due(write) if !failed => write.accepted(),
+        Write::Due(write) => match plant.in_force() {
+            Ok(in_force) => write.refused(in_force),
+            Err(_) => write.unknown(),
+        },
+        Write::Withheld(drives) => match plant.in_force() {
+            Ok(in_force) => drives.read_back(in_force),
+            Err(_) => drives.unknown(),
+        },
     }
 }

@@ -21,6 +21,7 @@ use gantry_tau_core::verification::control::{
     Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Order, Parts, Rules,
 };
 use gantry_tau_proofs::properties::drive::Fate;
+use gantry_tau_proofs::properties::endpoint::Told;
 use proptest::array::{uniform, uniform4};
 use proptest::option;
 use proptest::prelude::*;
@@ -358,6 +359,16 @@ pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>
     ]
 }
 
+/// What is said of references.
+pub(crate) fn told<const N: usize>() -> impl Strategy<Value = Told<N>> {
+    prop_oneof![
+        20 => Just(Told::Accepted),
+        2 => uniform::<_, N>(in_force()).prop_map(Told::ReadBack),
+        1 => Just(Told::Unknown),
+        1 => Just(Told::Nothing),
+    ]
+}
+
 pub(crate) fn epochs() -> impl Strategy<Value = EpochRange> {
     (number(), number()).prop_map(|(first, last)| EpochRange {
         first: Epoch(first),
@@ -372,18 +383,13 @@ pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>
     let reading = option::weighted(0.95, reading);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
     let flags = (rare(), rare(), any::<bool>());
-    let rest = (flags, last_write(), any::<u16>());
-    (reading, elapsed, rest).prop_map(
-        |(reading, elapsed_cycles, ((stop, quit, rearm), last_write, arrival_us))| TickInput {
-            elapsed_cycles,
-            reading,
-            stop,
-            quit,
-            rearm,
-            last_write,
-            arrival_us,
-        },
-    )
+    (reading, elapsed, flags).prop_map(|(reading, elapsed_cycles, (stop, quit, rearm))| TickInput {
+        elapsed_cycles,
+        reading,
+        stop,
+        quit,
+        rearm,
+    })
 }
 
 prop_compose! {

@@ -12,12 +12,12 @@ use cortex_m_rt::entry;
 use gantry_tau_core::control::session::BlackBox;
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::{
-    AxisConfig, Config, Endpoint, EpochRange, LastWrite, LimitValues, Limits, MotorMap, Parameters,
+    AxisConfig, Config, Endpoint, EpochRange, LimitValues, Limits, MotorMap, Parameters,
     PositionNm, Reading, Session, Start, TickInput, Transport, Travel,
 };
 
 /// The server, and storage for its black box.
-type Server = (Endpoint<6, 9>, BlackBox<6, 8>);
+type Server = (Endpoint<6>, BlackBox<6, 8>);
 
 /// Input of a board: configuration, start, cycle, bytes.
 struct Board {
@@ -54,8 +54,6 @@ impl Board {
                 stop: false,
                 quit: false,
                 rearm: false,
-                last_write: LastWrite::Accepted,
-                arrival_us: 0,
             },
             transport: Transport::Stream,
             bytes: [0; 64],
@@ -87,9 +85,9 @@ fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
     let board = black_box(board);
     let config = Config::new(board.parameters).ok()?;
     let session = Session::new(config, &board.start).ok()?;
-    let motors = MotorMap::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
+    let motors = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
     let (server, recorder) = server.write((
-        Endpoint::new(session, motors, board.epochs),
+        Endpoint::new(session, board.epochs),
         BlackBox::new(),
     ));
     loop {
@@ -98,7 +96,13 @@ fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
             server.feed(connection, &seen.bytes);
             server.close(black_box(connection));
         }
-        black_box(server.tick_recorded(&seen.tick, recorder));
+        match server.tick_recorded(&seen.tick, recorder) {
+            Write::Due(write) => {
+                black_box(motors.spread(write.references()));
+                write.accepted();
+            }
+            Write::Withheld(drives) => drives.read_back(seen.start.in_force),
+        }
         while let Some(frame) = server.poll_transmit() {
             black_box(frame);
         }

@@ -10,7 +10,7 @@ mod f1;
 pub(crate) mod robots;
 
 use gantry_tau_core::control::axis::Reference;
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Write};
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{
@@ -34,7 +34,7 @@ pub(crate) type Pose6 = [f64; 6];
 /// References of the motors; `None` while they are withheld.
 pub(crate) type MotorReferences = Option<[Reference; MOTORS]>;
 /// Endpoint of this machine.
-pub(crate) type Server = Endpoint<AXES, MOTORS>;
+pub(crate) type Server = Endpoint<AXES>;
 
 /// A constant of this folder that core refuses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +66,10 @@ pub(crate) struct CycleInput {
     /// Input of the endpoint; its nominal positions and measurements count for [`Motion::Given`]
     /// only.
     pub(crate) tick: TickInput<AXES>,
+    /// Fate of the references of the cycle.
+    pub(crate) fate: LastWrite<AXES>,
+    /// Arrival of the last Command, µs.
+    pub(crate) arrival_us: u16,
     /// Source of the nominal positions.
     pub(crate) motion: Motion,
     /// Pose of the tool; with given positions, for the compensation only.
@@ -75,7 +79,7 @@ pub(crate) struct CycleInput {
 }
 
 impl CycleInput {
-    /// A cycle on time, without stop and load, after an accepted write.
+    /// A cycle on time, without stop and load, whose references are taken.
     pub(crate) const fn on_time(motion: Motion, pose: Pose6) -> Self {
         Self {
             tick: TickInput {
@@ -84,9 +88,9 @@ impl CycleInput {
                 stop: false,
                 quit: false,
                 rearm: false,
-                last_write: LastWrite::Accepted,
-                arrival_us: 0,
             },
+            fate: LastWrite::Accepted,
+            arrival_us: 0,
             motion,
             pose,
             load: [0.0; 6],
@@ -124,10 +128,13 @@ impl Meter for Unmeasured {}
 /// The server, its black box, and the float part of its cycle.
 pub(crate) struct Machine {
     server: Server,
+    motors: MotorMap<AXES, MOTORS>,
     black_box: BlackBox<AXES, HALF>,
     cycle: &'static mut ControlCycle,
     /// Input of the coming tick.
     input: TickInput<AXES>,
+    /// Fate of its references.
+    fate: LastWrite<AXES>,
     /// Last nominal positions and measurements; they stay until new ones are computed.
     last: Reading<AXES>,
 }
@@ -168,10 +175,12 @@ impl Machine {
     #[inline(always)]
     pub(crate) const fn new(parts: Parts) -> Self {
         Self {
-            server: Server::new(parts.session, parts.motors, EpochRange::VOLATILE),
+            server: Server::new(parts.session, EpochRange::VOLATILE),
+            motors: parts.motors,
             black_box: BlackBox::new(),
             cycle: parts.cycle,
             input: CycleInput::on_time(Motion::Given, [0.0; 6]).tick,
+            fate: LastWrite::Accepted,
             last: Reading::unmeasured(parts.nominal),
         }
     }
@@ -197,6 +206,8 @@ impl Machine {
         meter.begin();
         let result = self.cycle.run(input);
         self.input = input.tick;
+        self.fate = input.fate;
+        self.server.note_arrival(input.arrival_us);
         if !matches!(input.motion, Motion::Given) {
             self.last.nominal = result.nominal().unwrap_or(self.last.nominal);
             self.input.reading = Some(self.last);
@@ -216,7 +227,12 @@ impl Machine {
         send: &mut impl FnMut(Connection, &[u8]),
     ) -> MotorReferences {
         meter.begin();
-        let references = (self.server).tick_recorded(&self.input, &mut self.black_box);
+        let write = (self.server).tick_recorded(&self.input, &mut self.black_box);
+        let references = match &write {
+            Write::Due(write) => self.motors.spread(write.references()),
+            Write::Withheld(_) => None,
+        };
+        say(write, self.fate);
         while let Some((to, frame)) = self.server.poll_transmit() {
             send(to, frame);
         }
@@ -228,5 +244,15 @@ impl Machine {
             }
         }
         references
+    }
+}
+
+/// Says what became of references.
+fn say(write: Write<'_, AXES>, fate: LastWrite<AXES>) {
+    match (write, fate) {
+        (Write::Due(write), LastWrite::Accepted) => write.accepted(),
+        (Write::Due(write), LastWrite::Refused { in_force }) => write.refused(in_force),
+        (Write::Withheld(drives), LastWrite::Refused { in_force }) => drives.read_back(in_force),
+        (write, _) => write.unknown(),
     }
 }

@@ -2,13 +2,13 @@
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Client, Requirements};
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::message::{ClientMessage, Command, Mode, Refusal, ServerMessage};
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{Session, Start};
 use gantry_tau_core::control::wire::{encode_client, encode_server};
 use gantry_tau_core::units::{Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick};
-use gantry_tau_tests::server_fixture::{on_time, parameters};
+use gantry_tau_tests::server_fixture::{on_time, parameters, taken};
 
 use super::Seed;
 
@@ -30,15 +30,14 @@ fn session<const N: usize>() -> [Vec<u8>; 5] {
     let nominal = [PositionNm(624_500_000); N];
     let session =
         Session::new(Config::new(parameters()).unwrap(), &Start::at_rest(nominal)).unwrap();
-    let motors = MotorMap::new(std::array::from_fn(|axis| axis)).unwrap();
-    let mut server = Endpoint::<N, N>::new(session, motors, EpochRange::VOLATILE);
+    let mut server = Endpoint::<N>::new(session, EpochRange::VOLATILE);
     let connection = server.open(Transport::Stream).unwrap();
     let mut client = Client::<N>::new(Transport::Stream, Requirements::default());
     let hello = client.hello().unwrap();
     let (mut said, mut heard) = (hello.clone(), Vec::new());
     for _ in 0..4 {
         server.feed(connection, &said);
-        assert!(server.tick(&on_time(nominal)).is_some());
+        taken(server.tick(&on_time(nominal)));
         while let Some((_, frame)) = server.poll_transmit() {
             assert!(client.feed(frame).1.is_ok());
             heard.push(frame.to_vec());

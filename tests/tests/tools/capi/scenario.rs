@@ -7,7 +7,7 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport};
+use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Transport, Write};
 use gantry_tau_core::control::message::{Cause, ClientMessage, Phase};
 use gantry_tau_core::control::session::config::{Config, MissBudget, Parameters};
 use gantry_tau_core::control::session::{
@@ -75,7 +75,8 @@ fn compare<const N: usize>(program: &Program, recorded: &Recorded<N>) -> Result<
 
 /// Core's server, and the calls to it.
 struct Scenario<const N: usize, const HALF: usize> {
-    endpoint: Endpoint<N, MOTORS>,
+    endpoint: Endpoint<N>,
+    motors: MotorMap<N, MOTORS>,
     black_box: Box<BlackBox<N, HALF>>,
     open: Vec<Connection>,
     nominal: [i64; N],
@@ -110,7 +111,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             last: Epoch(4),
         };
         Self {
-            endpoint: Endpoint::new(session.unwrap(), motors.unwrap(), epochs),
+            endpoint: Endpoint::new(session.unwrap(), epochs),
+            motors: motors.unwrap(),
             black_box: Box::new(BlackBox::new()),
             open: Vec::new(),
             nominal: [0; N],
@@ -300,7 +302,8 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             self.silent = self.noise.below(60);
         }
         let faulted = self.endpoint.session().phase() == Phase::Fault;
-        let last_write = self.last_write();
+        let told = self.told();
+        let arrival_us = u16::try_from(self.noise.below(1_000)).unwrap();
         let jump = if self.one_in(1_000) { 3_000_000 } else { 1_000 };
         self.nominal = self.nominal.map(|nominal| (nominal + jump) % 900_000_000);
         let input = TickInput {
@@ -317,14 +320,20 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             stop: self.one_in(if faulted { 8 } else { 500 }),
             quit: self.one_in(if faulted { 8 } else { 1_000 }),
             rearm: self.one_in(if faulted { 2 } else { 100 }),
-            last_write,
-            arrival_us: u16::try_from(self.noise.below(1_000)).unwrap(),
         };
-        self.recorded.script_tick(&input);
-        let references = self.endpoint.tick_recorded(&input, &mut *self.black_box);
+        self.recorded.script_tick(&input, told.as_ref(), arrival_us);
+        self.endpoint.note_arrival(arrival_us);
+        let write = self.endpoint.tick_recorded(&input, &mut *self.black_box);
+        let references = match &write {
+            Write::Due(write) => self.motors.spread(write.references()),
+            Write::Withheld(_) => None,
+        };
         self.recorded
-            .expect_output(references.as_ref(), self.endpoint.output().unwrap());
+            .expect_output(references.as_ref(), write.output());
         let expected = &mut self.recorded.expected;
+        if let Some(told) = told {
+            writeln!(expected, "written {}", say(write, told)).unwrap();
+        }
         while let Some((to, frame)) = self.endpoint.poll_transmit() {
             writeln!(expected, "frame {} {}", to.0, hex(frame)).unwrap();
         }
@@ -336,16 +345,18 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         expected.push_str("GT_CODE_DONE\n");
     }
 
-    /// Returns the fate of the last references: now and then refused, with values in force that may
-    /// be beyond their limits, or unknown; after that the values are soon read back.
-    fn last_write(&mut self) -> LastWrite<N> {
+    /// Returns what is said of the references of the coming tick: now and then refused, with values in
+    /// force that may be beyond their limits, unknown, or nothing; after that the values are soon read
+    /// back.
+    fn told(&mut self) -> Option<LastWrite<N>> {
         let withheld = self.endpoint.output().is_some_and(|output| output.withheld);
         if !self.one_in(if withheld { 3 } else { 700 }) {
-            return LastWrite::Accepted;
+            return Some(LastWrite::Accepted);
         }
-        let beyond = match self.noise.below(4) {
-            0 => return LastWrite::Unknown,
-            1 => 2_010_000,
+        let beyond = match self.noise.below(6) {
+            0 => return Some(LastWrite::Unknown),
+            1 => return None,
+            2 => 2_010_000,
             _ => 0,
         };
         // The ramp takes a tick per 100 nm: a short one, so that a session can follow.
@@ -359,7 +370,7 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
             nominal: PositionNm(nominal),
             offsets,
         });
-        LastWrite::Refused { in_force }
+        Some(LastWrite::Refused { in_force })
     }
 
     /// Gives a further range of epochs; now and then one that is used up already, or empty.
@@ -387,18 +398,33 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
     }
 }
 
+/// Says of references what became of them. Returns the code that C has for it.
+fn say<const N: usize>(write: Write<'_, N>, told: LastWrite<N>) -> &'static str {
+    match (write, told) {
+        (Write::Due(write), LastWrite::Accepted) => write.accepted(),
+        (Write::Due(write), LastWrite::Refused { in_force }) => write.refused(in_force),
+        (Write::Withheld(drives), LastWrite::Refused { in_force }) => drives.read_back(in_force),
+        (write, LastWrite::Unknown) => write.unknown(),
+        (write, LastWrite::Accepted) => {
+            write.unknown();
+            return "GT_CODE_WITHHELD";
+        }
+    }
+    "GT_CODE_OK"
+}
+
 impl<const N: usize> Recorded<N> {
-    fn script_tick(&mut self, input: &TickInput<N>) {
-        let (last_write, in_force) = match &input.last_write {
-            LastWrite::Accepted => (1, None),
-            LastWrite::Refused { in_force } => (2, Some(in_force)),
-            LastWrite::Unknown => (3, None),
+    fn script_tick(&mut self, input: &TickInput<N>, told: Option<&LastWrite<N>>, arrival_us: u16) {
+        let (written, in_force) = match told {
+            None => (0, None),
+            Some(LastWrite::Accepted) => (1, None),
+            Some(LastWrite::Refused { in_force }) => (2, Some(in_force)),
+            Some(LastWrite::Unknown) => (3, None),
         };
         let [stop, rearm] = [input.stop, input.rearm].map(|pressed| if pressed { 2 } else { 1 });
         let read = if input.reading.is_some() { 1 } else { 2 };
-        let (elapsed, quit, arrival_us) =
-            (input.elapsed_cycles, u8::from(input.quit), input.arrival_us);
-        let first = format!("t {elapsed} {read} {stop} {quit} {rearm} {last_write} {arrival_us}");
+        let (elapsed, quit) = (input.elapsed_cycles, u8::from(input.quit));
+        let first = format!("t {elapsed} {read} {stop} {quit} {rearm} {written} {arrival_us}");
         self.script.push_str(&first);
         let reading = input
             .reading

@@ -11,7 +11,7 @@ use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, 
 use gantry_tau_core::control::session::{BlackBox, Reading, Session, Start, TickInput};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm};
 use gantry_tau_server::black_box::Window;
-use gantry_tau_tests::server_fixture::{limits, on_time};
+use gantry_tau_tests::server_fixture::{limits, on_time, taken};
 use libtest_mimic::Failed;
 
 use super::tools::{Program, assert_lines, from_hex, hex, motor_line, run};
@@ -48,14 +48,15 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
         .collect();
     assert_eq!(inputs.len(), TICKS);
     let mut endpoint = core();
+    let motors = MotorMap::<AXES, MOTORS>::new([0, 0, 1, 2]).unwrap();
     let client = endpoint.open(Transport::Stream).unwrap();
     let mut recorder = Box::new(BlackBox::<AXES, 64>::new());
     let mut here = String::new();
     for (tick, bytes) in (1..).zip(inputs) {
         endpoint.feed(client, &from_hex(bytes));
-        let references = endpoint.tick_recorded(&input(tick), &mut *recorder);
+        let references = taken(endpoint.tick_recorded(&input(tick), &mut *recorder));
         writeln!(here, "tick {tick}\nin {bytes}").unwrap();
-        here.extend(references.unwrap().iter().map(motor_line));
+        here.extend(motors.spread(&references).unwrap().iter().map(motor_line));
         while let Some((_, frame)) = endpoint.poll_transmit() {
             writeln!(here, "out {}", hex(frame)).unwrap();
         }
@@ -71,7 +72,7 @@ pub(crate) fn compare(trace: &str, black_box: &[u8]) {
 }
 
 /// The server of the program.
-fn core() -> Endpoint<AXES, MOTORS> {
+fn core() -> Endpoint<AXES> {
     let travel = Travel::around_zero(1_000_000_000);
     let axis = AxisConfig::position_only(limits(2_000_000, 5_000, 10_000, 100), travel, 2_000_000);
     let config = Config::new(Parameters::thesis([axis; AXES])).unwrap();
@@ -80,11 +81,7 @@ fn core() -> Endpoint<AXES, MOTORS> {
         first: Epoch(1),
         last: Epoch(1),
     };
-    Endpoint::new(
-        session.unwrap(),
-        MotorMap::new([0, 0, 1, 2]).unwrap(),
-        epochs,
-    )
+    Endpoint::new(session.unwrap(), epochs)
 }
 
 /// The program's input of a tick.

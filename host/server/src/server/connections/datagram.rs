@@ -63,10 +63,7 @@ impl Datagrams {
 
     /// Reads whole datagrams from all peers. Returns the number of frames of the owner in the
     /// coming tick.
-    pub(super) fn receive<const N: usize, const M: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N, M>,
-    ) -> u8 {
+    pub(super) fn receive<const N: usize>(&mut self, endpoint: &mut Endpoint<N>) -> u8 {
         // A datagram longer than any frame is cut, and then has the wrong length.
         let mut buffer = [0; MAX_FRAME + 1];
         for _ in 0..READS {
@@ -88,9 +85,9 @@ impl Datagrams {
 
     /// Returns the connection of a datagram's sender. Only a Hello makes a new peer; anything else
     /// is not answered.
-    fn connection<const N: usize, const M: usize>(
+    fn connection<const N: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M>,
+        endpoint: &mut Endpoint<N>,
         from: SocketAddr,
         bytes: &[u8],
     ) -> Option<Connection> {
@@ -112,7 +109,7 @@ impl Datagrams {
                 Some(connection)
             }
             Err(Full) => {
-                let refusal = Endpoint::<N, M>::full_refusal(Transport::Datagram);
+                let refusal = Endpoint::<N>::full_refusal(Transport::Datagram);
                 // Best effort. The answer is at most as long as the Hello: a forged address gains
                 // nothing.
                 let _ = self.socket.send_to(&refusal, from);
@@ -122,7 +119,7 @@ impl Datagrams {
     }
 
     /// Takes note of the owner's first accepted Command, which ends the handshake.
-    fn note_answered<const N: usize, const M: usize>(&mut self, endpoint: &Endpoint<N, M>) {
+    fn note_answered<const N: usize>(&mut self, endpoint: &Endpoint<N>) {
         let session = endpoint.session();
         if !matches!(session.phase(), Phase::Submit | Phase::Obtain) {
             return;

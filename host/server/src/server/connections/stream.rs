@@ -48,7 +48,7 @@ impl Streams {
     /// Accepts new peers. When all places are taken, the connection that has been open longest
     /// without the session makes room: a client says Hello at once, and one that is refused is
     /// closed, so that those that stay are idle.
-    pub(super) fn accept<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) {
+    pub(super) fn accept<const N: usize>(&mut self, endpoint: &mut Endpoint<N>) {
         for _ in 0..ACCEPTS {
             if !is_acceptable(&self.listener) {
                 return;
@@ -74,16 +74,13 @@ impl Streams {
                     gone: false,
                 }),
                 // Best effort: the peer is about to be closed anyway.
-                Err(Full) => drop(stream.write(&Endpoint::<N, M>::full_refusal(Transport::Stream))),
+                Err(Full) => drop(stream.write(&Endpoint::<N>::full_refusal(Transport::Stream))),
             }
         }
     }
 
     /// Refuses and closes the first connection that is not the owner's; `None` without one.
-    fn close_longest_idle<const N: usize, const M: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N, M>,
-    ) -> Option<()> {
+    fn close_longest_idle<const N: usize>(&mut self, endpoint: &mut Endpoint<N>) -> Option<()> {
         let owner = endpoint.session().owner();
         let index = self
             .peers
@@ -94,15 +91,15 @@ impl Streams {
         // Best effort, as for a peer without room.
         let _ = idle
             .stream
-            .write(&Endpoint::<N, M>::full_refusal(Transport::Stream));
+            .write(&Endpoint::<N>::full_refusal(Transport::Stream));
         Some(())
     }
 
     /// Reads from all peers, or from `only`. Returns the number of frames of the owner in the
     /// coming tick.
-    pub(super) fn receive<const N: usize, const M: usize>(
+    pub(super) fn receive<const N: usize>(
         &mut self,
-        endpoint: &mut Endpoint<N, M>,
+        endpoint: &mut Endpoint<N>,
         only: Option<Connection>,
     ) -> u8 {
         let owner = endpoint.session().owner();
@@ -149,7 +146,7 @@ impl Streams {
 }
 
 impl Peer {
-    fn read<const N: usize, const M: usize>(&mut self, endpoint: &mut Endpoint<N, M>) -> u8 {
+    fn read<const N: usize>(&mut self, endpoint: &mut Endpoint<N>) -> u8 {
         let mut buffer = [0; CHUNK];
         let mut frames = endpoint.frames_of(self.connection);
         for _ in 0..READS {

@@ -307,8 +307,8 @@ impl HostilePeers {
         input.tick.elapsed_cycles = elapsed;
         input.tick.stop = stop;
         input.tick.rearm = rearm;
-        input.tick.arrival_us = u16::try_from(self.noise.below(1_000)).unwrap();
-        input.tick.last_write = self.last_write(&last);
+        input.arrival_us = u16::try_from(self.noise.below(1_000)).unwrap();
+        input.fate = self.fate(&last);
         let (_, closed) = self.recorder.cycle(&input);
         self.forget(&closed);
     }
@@ -321,9 +321,9 @@ impl HostilePeers {
         })
     }
 
-    /// Returns the fate of the last references. What cannot be read back, or is beyond its limits,
-    /// is mended after some cycles.
-    fn last_write(&mut self, nominal: &[i64; AXES]) -> LastWrite<AXES> {
+    /// Returns the fate of the references of the cycle. What cannot be read back, or is beyond its
+    /// limits, is mended after some cycles.
+    fn fate(&mut self, nominal: &[i64; AXES]) -> LastWrite<AXES> {
         let output = self.recorder.output();
         let is_withheld = output.is_some_and(|output| output.withheld);
         let shares = match self.refused.take() {
