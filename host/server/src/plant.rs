@@ -35,7 +35,8 @@ pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
     /// Reads the values in force at the drives: those of the last references they took. Nominal
     /// reference plus position offset must be the position reference in force; drives that know
     /// only their sum leave the rest of it to the nominal reference. Called before the first cycle,
-    /// and after every failed `write`: the server goes on from these values, without a step.
+    /// and in the cycle of every `write` that failed or was withheld: the server goes on from these
+    /// values, without a step.
     ///
     /// # Errors
     /// They cannot be read: the server refuses to start, or writes nothing until they can.

@@ -136,9 +136,9 @@ fn a_window_goes_on_across_an_outage() {
     let (mut server, mut windows) = ServerFixture::<3>::default().handing_over();
     server.step();
     server.bus.record().write_fails = true;
+    server.bus.record().offsets_fail = true;
     assert!(server.step().plant_failed);
     server.bus.record().write_fails = false;
-    server.bus.record().offsets_fail = true;
     let writes = server.bus.writes();
     let row = server.step();
     assert_eq!(
@@ -148,6 +148,9 @@ fn a_window_goes_on_across_an_outage() {
     assert!((0..3).all(|_| server.step_rearmed().plant_failed));
     assert_eq!(server.bus.writes(), writes);
     server.bus.record().offsets_fail = false;
+    // Read back in this tick, written in the next.
+    assert!(server.step_rearmed().plant_failed);
+    assert_eq!(server.bus.writes(), writes);
     // The outage asserts the stop until the machine has been read back.
     let row = server.step_rearmed();
     assert_eq!(
@@ -164,9 +167,9 @@ fn a_window_goes_on_across_an_outage() {
         .iter()
         .map(|entry| entry.input.last_write)
         .collect();
-    assert_eq!(fates[..4], [LastWrite::Unknown; 4]);
-    assert!(matches!(fates[4], LastWrite::Refused { .. }));
-    assert_eq!(fates[5], LastWrite::Accepted);
+    assert_eq!(fates[..5], [LastWrite::Unknown; 5]);
+    assert!(matches!(fates[5], LastWrite::Refused { .. }));
+    assert_eq!(fates[6], LastWrite::Accepted);
 }
 
 /// The boxes are not emptied: the cycle neither waits nor forgets to count.

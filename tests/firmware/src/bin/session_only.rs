@@ -13,7 +13,7 @@ use gantry_tau_core::control::session::BlackBox;
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::{
     AxisConfig, Config, Endpoint, EpochRange, LimitValues, Limits, MotorMap, Parameters,
-    PositionNm, Reading, Session, Start, TickInput, Transport, Travel,
+    PositionNm, Reading, Session, Start, TickInput, Transport, Travel, Write,
 };
 
 /// The server, and storage for its black box.
@@ -86,10 +86,7 @@ fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
     let config = Config::new(board.parameters).ok()?;
     let session = Session::new(config, &board.start).ok()?;
     let motors = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
-    let (server, recorder) = server.write((
-        Endpoint::new(session, board.epochs),
-        BlackBox::new(),
-    ));
+    let (server, recorder) = server.write((Endpoint::new(session, board.epochs), BlackBox::new()));
     loop {
         let seen = black_box(&mut *board);
         if let Ok(connection) = server.open(seen.transport) {

@@ -119,13 +119,16 @@ fn a_bus_that_comes_back_sees_no_step() {
         session.server.receive();
         session.server.step();
     }
-    // It takes references again, but does not yet tell what it has in force: nothing is written.
-    session.server.bus.record().write_fails = false;
+    // It takes references again, but has not told what it has in force: nothing is written.
     session.server.bus.record().offsets_fail = true;
+    session.server.step();
+    session.server.bus.record().write_fails = false;
     let writes = session.server.bus.writes();
     session.server.step();
     assert_eq!(session.server.bus.writes(), writes);
     session.server.bus.record().offsets_fail = false;
+    session.server.step();
+    assert_eq!(session.server.bus.writes(), writes, "read back first");
     // The server compares with what the drives had in force: 100 nm per tick from there, for
     // any loss.
     session.server.assert_ramp(AT, Phase::Fault);

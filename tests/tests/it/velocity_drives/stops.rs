@@ -435,6 +435,8 @@ fn a_rearm_away_from_the_axis_moves_nothing_and_names_the_reason() {
             };
             let place = Arc::clone(place);
             *place.lock().unwrap() = misread;
+            // What is in force at axes that stand is read back in every tick, for the next.
+            server.step(OperatorInputs::default());
             let stands_m = server.positions_m();
             for _ in 0..500 {
                 let row = server.step(OperatorInputs {
@@ -474,6 +476,7 @@ fn a_rearm_while_what_is_in_force_is_unknown_moves_nothing() {
     });
     until_rest(&mut server, OperatorInputs::default());
     *server.bus.in_force_misread.lock().unwrap() = Misread::Missing;
+    server.step(OperatorInputs::default());
     let stands_m = server.positions_m();
     for _ in 0..500 {
         let row = server.step(OperatorInputs {
