@@ -21,17 +21,17 @@ use core::fmt;
 use heapless::Vec;
 
 use crate::control::axis::Offsets;
-use crate::control::message::{ClientMessage, Notice, Refusal, ServerMessage};
+use crate::control::message::{ClientMessage, Notice, Refusal};
 use crate::control::session::{
     Connection, EVENTS, Event, Held, Input, LastWrite, NoRecorder, Output, Record, Session,
     TickInput,
 };
-use crate::control::wire::{FrameBytes, Kind, encode_notice, encode_server};
+use crate::control::wire::{FrameBytes, Kind, enclose, encode_notice};
 use crate::units::{EpochRange, PositionNm};
 use crate::zip::each;
 
 use slot::Slot;
-use write::{Pending, last_write, report};
+use write::report;
 
 pub use motors::{MotorMap, MotorMapError};
 pub use slot::Transport;
@@ -98,8 +98,9 @@ pub struct Endpoint<const N: usize> {
     next_connection: u64,
     /// Output of the last tick.
     output: Option<Output<N>>,
-    /// Fate of the references of the last tick; `None`: not told.
-    fate: Option<LastWrite<N>>,
+    /// The fate of the references of the last tick is told; it is in the input. Until then that says
+    /// unknown.
+    is_told: bool,
     transmit: Transmit,
     /// The frame that was polled last.
     frame: FrameBytes,
@@ -117,8 +118,8 @@ impl<const N: usize> Endpoint<N> {
             non_owner_events: 0,
             next_connection: 0,
             output: None,
-            // What a session starts from is in force.
-            fate: Some(LastWrite::Accepted),
+            // What a session starts from is in force, as the empty input says.
+            is_told: true,
             transmit: Transmit::Done,
             frame: FrameBytes::EMPTY,
         }
@@ -218,9 +219,7 @@ impl<const N: usize> Endpoint<N> {
     pub fn full_refusal(transport: Transport) -> FrameBytes {
         match transport {
             Transport::Stream => encode_notice(Notice::FULL),
-            Transport::Datagram => {
-                encode_server(&ServerMessage::<N>::Refusal(Refusal::Unavailable))
-            }
+            Transport::Datagram => enclose(Kind::Refusal, &Refusal::Unavailable),
         }
     }
 
@@ -319,9 +318,6 @@ impl<const N: usize> Endpoint<N> {
         recorder.before_tick(&self.session);
         let output = self.output.insert(self.session.tick(&self.input));
         recorder.after_tick(&self.input, output);
-        if output.withheld {
-            report(output, self.session.in_force());
-        }
         mark_closed(&mut self.slots, output);
         self.input.events.clear();
         self.input.arrival_us = 0;
@@ -330,25 +326,26 @@ impl<const N: usize> Endpoint<N> {
             self.input.events.push((lost, Event::Closed)).unwrap_or(());
         }
         self.transmit = Transmit::Notices;
-        self.fate = None;
-        Write::of(Pending {
-            session: &self.session,
+        Write::of(
+            &self.session,
             output,
-            fate: &mut self.fate,
-        })
+            &mut self.input.last_write,
+            &mut self.is_told,
+        )
     }
 
     /// Returns the references of the last tick again, if nothing was said of them yet: for an interface
     /// that cannot keep what [`Self::tick`] returned.
     pub fn pending(&mut self) -> Option<Write<'_, N>> {
-        if self.fate.is_some() {
+        if self.is_told {
             return None;
         }
-        Some(Write::of(Pending {
-            session: &self.session,
-            output: self.output.as_mut()?,
-            fate: &mut self.fate,
-        }))
+        Some(Write::of(
+            &self.session,
+            self.output.as_mut()?,
+            &mut self.input.last_write,
+            &mut self.is_told,
+        ))
     }
 
     /// Returns the references of a cycle in which no tick is run, `cycles` after the last one
@@ -358,7 +355,7 @@ impl<const N: usize> Endpoint<N> {
     /// Tell the next tick the nominal references that were followed, or those of the tick before.
     #[must_use = "the references must be written to the drives"]
     pub fn hold(&self, nominal: &[PositionNm; N], cycles: u32) -> Option<Held<N>> {
-        let is_in_force = self.fate == Some(LastWrite::Accepted) && self.output.is_some();
+        let is_in_force = self.input.last_write == LastWrite::Accepted && self.output.is_some();
         is_in_force.then(|| self.session.hold(nominal, cycles))
     }
 
@@ -375,13 +372,16 @@ impl<const N: usize> Endpoint<N> {
     pub fn is_at_zero(&self) -> bool {
         let at_zero =
             |output: &Output<N>| each(&output.state.axes).all(|axis| axis.offsets == Offsets::ZERO);
-        self.fate == Some(LastWrite::Accepted) && self.output.as_ref().is_some_and(at_zero)
+        self.input.last_write == LastWrite::Accepted && self.output.as_ref().is_some_and(at_zero)
     }
 
-    /// Takes what was not told for unknown.
+    /// Takes what was not told for unknown, as the input of the coming tick does.
     fn settle(&mut self) {
-        if let Some(write) = self.pending() {
-            write.unknown();
+        if core::mem::replace(&mut self.is_told, true) {
+            return;
+        }
+        if let Some(output) = &mut self.output {
+            report(output, self.session.in_force());
         }
     }
 
@@ -485,7 +485,6 @@ impl<const N: usize> Endpoint<N> {
         }
         self.non_owner_events = 0;
         self.input.tick = *tick;
-        self.input.last_write = last_write(self.fate);
     }
 }
 

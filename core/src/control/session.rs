@@ -228,7 +228,8 @@ impl<const N: usize> Session<N> {
 
     /// True if the session can go on from these values in force.
     pub(crate) fn admits(&self, in_force: &[InForce; N]) -> bool {
-        axes_at_rest(&self.config, in_force).is_ok()
+        let mut axes = zip(in_force, &self.config.parameters().axes);
+        axes.all(|(in_force, config)| config.limits.admits(&in_force.offsets))
     }
 
     /// Takes note of the fate of the last references. After a refused write the channels go on from

@@ -2,7 +2,6 @@
 
 pub use crate::control::client::dialogue::{Dialogue, Granted, Last, Stage};
 pub use crate::control::endpoint::slot::Slot;
-pub use crate::control::endpoint::write::last_write;
 pub use crate::control::monitor::axis::AxisMonitor;
 pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
 pub use crate::control::monitor::{Parts as MonitorParts, Seen};
@@ -16,7 +15,6 @@ pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Ve
 pub use crate::control::session::step::{Known, Order, carry_out, order};
 pub use crate::control::wire::frame::checksum;
 
-use crate::control::endpoint::write::Pending;
 use crate::control::endpoint::{Endpoint, Write};
 use crate::control::monitor::Monitor;
 use crate::control::session::config::Config;
@@ -104,13 +102,10 @@ pub fn no_output<const N: usize>() -> Output<N> {
 pub const fn pending<'a, const N: usize>(
     session: &'a Session<N>,
     output: &'a mut Output<N>,
-    fate: &'a mut Option<LastWrite<N>>,
+    last_write: &'a mut LastWrite<N>,
+    is_told: &'a mut bool,
 ) -> Write<'a, N> {
-    Write::of(Pending {
-        session,
-        output,
-        fate,
-    })
+    Write::of(session, output, last_write, is_told)
 }
 
 /// True if a connection has its place in an endpoint.

@@ -157,7 +157,7 @@ pub enum gt_code {
 without_padding!(gt_code);
 
 /// Codes and their names.
-const NAMES: [(gt_code, &CStr); 54] = {
+const NAMES: [(gt_code, &CStr); 57] = {
     use gt_code as Code;
     [
         (Code::Ok, c"GT_CODE_OK"),
@@ -175,6 +175,9 @@ const NAMES: [(gt_code, &CStr); 54] = {
         (Code::TickInput, c"GT_CODE_TICK_INPUT"),
         (Code::Done, c"GT_CODE_DONE"),
         (Code::Other, c"GT_CODE_OTHER"),
+        (Code::NotPending, c"GT_CODE_NOT_PENDING"),
+        (Code::Withheld, c"GT_CODE_WITHHELD"),
+        (Code::Write, c"GT_CODE_WRITE"),
         (Code::LimitsNegativeMax, c"GT_CODE_LIMITS_NEGATIVE_MAX"),
         (
             Code::LimitsRampNotPositive,

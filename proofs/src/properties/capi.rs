@@ -168,8 +168,9 @@ pub fn write_is_judged<const N: usize>(
 ) {
     let mut output = no_output::<N>();
     output.withheld = withheld;
-    let mut told = None;
-    let answer = verification::say(pending(session, &mut output, &mut told), fate, in_force);
+    let (mut told, mut is_told) = (LastWrite::Accepted, true);
+    let write = pending(session, &mut output, &mut told, &mut is_told);
+    let answer = verification::say(write, fate, in_force);
     let expected = match (fate, in_force) {
         (GT_WRITE_ACCEPTED, _) if withheld => gt_code::Withheld,
         (GT_WRITE_REFUSED, None) => gt_code::NullPointer,
@@ -177,22 +178,23 @@ pub fn write_is_judged<const N: usize>(
         _ => gt_code::Write,
     };
     assert!(code(&answer) == expected, "T26: the fate is judged");
+    let is_none = [gt_code::Write, gt_code::NullPointer].contains(&expected);
+    assert!(
+        is_told != is_none,
+        "T26: a fate that is none changes nothing"
+    );
     match (told, in_force) {
-        (Some(LastWrite::Accepted), _) => assert!(
+        (LastWrite::Accepted, _) => assert!(
             fate == GT_WRITE_ACCEPTED && !withheld,
             "T26: accepted is what C said to be, and was written"
         ),
-        (Some(LastWrite::Refused { in_force: told }), Some(given)) => assert!(
+        (LastWrite::Refused { in_force: told }, Some(given)) => assert!(
             fate == GT_WRITE_REFUSED && same_in_force(&told[axis], &given[axis]),
             "T26: values in force arrive"
         ),
-        (Some(LastWrite::Unknown), _) => assert!(
-            fate == GT_WRITE_UNKNOWN || expected == gt_code::Withheld,
+        (LastWrite::Unknown, _) => assert!(
+            fate == GT_WRITE_UNKNOWN || expected == gt_code::Withheld || is_none,
             "T26: unknown is what C said to be, or cannot know"
-        ),
-        (None, _) => assert!(
-            [gt_code::Write, gt_code::NullPointer].contains(&expected),
-            "T26: a fate that is none changes nothing"
         ),
         _ => panic!("T26: values in force come from C"),
     }

@@ -5,9 +5,7 @@ use gantry_tau_core::control::endpoint::{Endpoint, FRAMES, Transport, Write};
 use gantry_tau_core::control::session::{
     Connection, EVENTS, Event, LastWrite, Record, Session, TickInput,
 };
-use gantry_tau_core::verification::control::{
-    Internals, Slot, inbox, is_open, last_write, no_output, pending,
-};
+use gantry_tau_core::verification::control::{Internals, Slot, inbox, is_open, no_output, pending};
 
 use crate::properties::axis::{Bounded, Kind};
 
@@ -57,21 +55,26 @@ pub fn fate_is_told<const N: usize>(session: &Session<N>, withheld: bool, told: 
     let mut output = no_output::<N>();
     output.withheld = withheld;
     let before = output.state;
-    let mut fate = None;
-    told.say(pending(session, &mut output, &mut fate));
+    let (mut next, mut is_told) = (LastWrite::Accepted, true);
+    let write = pending(session, &mut output, &mut next, &mut is_told);
+    told.say(write);
     let expected = match told {
         Told::Accepted if !withheld => LastWrite::Accepted,
         Told::ReadBack(in_force) => LastWrite::Refused { in_force },
         Told::Accepted | Told::Unknown | Told::Nothing => LastWrite::Unknown,
     };
-    let next = last_write(fate);
     assert!(next == expected, "T21: what was said counts, and no more");
+    let is_said = match told {
+        Told::Accepted => !withheld,
+        Told::ReadBack(_) | Told::Unknown => true,
+        Told::Nothing => false,
+    };
+    assert!(is_told == is_said, "T21: what was said is known to be said");
     let mut settled = *session;
     settled.apply_write_result(&next);
-    let reported = match fate {
-        None | Some(LastWrite::Accepted) => None,
-        Some(LastWrite::Refused { in_force }) if !settled.parts().withheld => Some(in_force),
-        Some(_) => Some(*session.in_force()),
+    let reported = match next {
+        LastWrite::Refused { in_force } if !settled.parts().withheld => Some(in_force),
+        _ => (is_told && next != LastWrite::Accepted).then_some(*session.in_force()),
     };
     for (axis, old) in before.axes.iter().enumerate() {
         let new = &output.state.axes[axis];

@@ -111,7 +111,9 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
         last_tick_ms = now_ms;
         let input = CycleInput::on_time(Motion::F1, pose(log.ticks.into()));
         machine.compute(&input, &mut Unmeasured);
-        let motors = machine.serve(&mut Unmeasured, &mut |to, frame| tcp.send(to, frame));
+        let motors = machine.serve(&input, &mut Unmeasured, &mut |to, frame| {
+            tcp.send(to, frame)
+        });
         while let Some(connection) = machine.server().poll_close() {
             tcp.close(connection);
         }

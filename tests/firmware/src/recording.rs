@@ -160,7 +160,7 @@ pub(crate) fn cycle(
     observer: &mut impl Observer,
 ) {
     compute(machine, input, sink, observer);
-    serve(machine, sink, observer);
+    serve(machine, input, sink, observer);
 }
 
 /// Float half. Neither half is inlined, so that their stack use does not add up.
@@ -178,8 +178,13 @@ fn compute(
 
 /// Integer half.
 #[inline(never)]
-fn serve(machine: &mut Machine, sink: &mut impl Sink, observer: &mut impl Observer) {
-    let references = machine.serve(observer, &mut |to, frame| sink.frame(to, frame));
+fn serve(
+    machine: &mut Machine,
+    input: &CycleInput,
+    sink: &mut impl Sink,
+    observer: &mut impl Observer,
+) {
+    let references = machine.serve(input, observer, &mut |to, frame| sink.frame(to, frame));
     write_references(sink, &references);
     let mut closed = Vec::<Connection, CONNECTIONS>::new();
     while let Some(connection) = machine.server().poll_close() {
@@ -240,27 +245,23 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
     } = input;
     whole(&mut tick.elapsed_cycles, word)?;
     whole(arrival_us, word)?;
-    for flag in [&mut tick.stop, &mut tick.rearm] {
-        let mut number = u8::from(*flag);
-        whole(&mut number, word)?;
-        *flag = match number {
-            0 => false,
-            1 => true,
-            _ => return None,
-        };
-    }
-    let motions = [Motion::Given, Motion::L2, Motion::F1];
-    let mut kind = motions
-        .iter()
-        .position(|one| one == motion)
-        .and_then(|at| u8::try_from(at).ok())?;
-    whole(&mut kind, word)?;
-    *motion = *motions.get(usize::from(kind))?;
-    let (mut is_read, mut reading) = match tick.reading {
-        Some(reading) => (1_u8, reading),
-        None => (0, Reading::unmeasured([PositionNm(0); AXES])),
+    truth(&mut tick.stop, word)?;
+    truth(&mut tick.rearm, word)?;
+    let mut kind = match motion {
+        Motion::Given => 0_u8,
+        Motion::L2 => 1,
+        Motion::F1 => 2,
     };
-    whole(&mut is_read, word)?;
+    whole(&mut kind, word)?;
+    *motion = match kind {
+        0 => Motion::Given,
+        1 => Motion::L2,
+        2 => Motion::F1,
+        _ => return None,
+    };
+    let mut is_read = tick.reading.is_some();
+    let mut reading = (tick.reading).unwrap_or(Reading::unmeasured([PositionNm(0); AXES]));
+    truth(&mut is_read, word)?;
     for nominal in &mut reading.nominal {
         whole(&mut nominal.0, word)?;
     }
@@ -269,15 +270,15 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
         whole(&mut actual.velocity.0, word)?;
         whole(&mut actual.torque.0, word)?;
     }
-    tick.reading = match is_read {
-        0 => None,
-        1 => Some(reading),
-        _ => return None,
-    };
-    let (mut kind, mut in_force) = match *fate {
-        LastWrite::Accepted => (0_u8, [InForce::at(PositionNm(0)); AXES]),
-        LastWrite::Unknown => (1, [InForce::at(PositionNm(0)); AXES]),
-        LastWrite::Refused { in_force } => (2, in_force),
+    tick.reading = is_read.then_some(reading);
+    let mut in_force = [InForce::at(PositionNm(0)); AXES];
+    let mut kind = match fate {
+        LastWrite::Accepted => 0_u8,
+        LastWrite::Unknown => 1,
+        LastWrite::Refused { in_force: found } => {
+            in_force = *found;
+            2
+        }
     };
     whole(&mut kind, word)?;
     for one in &mut in_force {
@@ -295,6 +296,18 @@ pub(crate) fn transfer(input: &mut CycleInput, word: Word<'_>) -> Option<()> {
     for number in pose.iter_mut().chain(load) {
         *number = f64::from_le_bytes(word(number.to_le_bytes())?);
     }
+    Some(())
+}
+
+/// Passes a flag.
+fn truth(flag: &mut bool, word: Word<'_>) -> Option<()> {
+    let mut number = u8::from(*flag);
+    whole(&mut number, word)?;
+    *flag = match number {
+        0 => false,
+        1 => true,
+        _ => return None,
+    };
     Some(())
 }
 

@@ -6,7 +6,7 @@ use super::bench::{Bench, NOMINAL, Ticked};
 use super::*;
 use crate::control::axis::InForce;
 use crate::control::fixture::{HELLO, at, axis, limits};
-use crate::control::message::{Cause, Mode, Phase};
+use crate::control::message::{Cause, Mode, Phase, ServerMessage};
 use crate::control::session::config::Parameters;
 use crate::control::wire::{Frame, decode_server, encode_client};
 use crate::units::{Epoch, PositionNm};

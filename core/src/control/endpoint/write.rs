@@ -31,15 +31,31 @@ pub struct PendingReadBack<'a, const N: usize>(Pending<'a, N>);
 /// A tick that waits for the fate of its references.
 #[derive(Debug)]
 pub(crate) struct Pending<'a, const N: usize> {
-    pub(crate) session: &'a Session<N>,
-    pub(crate) output: &'a mut Output<N>,
-    /// Fate of the references; `None`: not told.
-    pub(crate) fate: &'a mut Option<LastWrite<N>>,
+    session: &'a Session<N>,
+    output: &'a mut Output<N>,
+    /// What the next tick goes on from: unknown, unless it is told.
+    last_write: &'a mut LastWrite<N>,
+    is_told: &'a mut bool,
 }
 
 impl<'a, const N: usize> Write<'a, N> {
-    pub(crate) const fn of(pending: Pending<'a, N>) -> Self {
-        if pending.output.withheld {
+    /// Returns the references of a tick, of which nothing is told.
+    pub(crate) const fn of(
+        session: &'a Session<N>,
+        output: &'a mut Output<N>,
+        last_write: &'a mut LastWrite<N>,
+        is_told: &'a mut bool,
+    ) -> Self {
+        *last_write = LastWrite::Unknown;
+        *is_told = false;
+        let withheld = output.withheld;
+        let pending = Pending {
+            session,
+            output,
+            last_write,
+            is_told,
+        };
+        if withheld {
             Self::Withheld(PendingReadBack(pending))
         } else {
             Self::Due(PendingWrite(pending))
@@ -71,7 +87,7 @@ impl<'a, const N: usize> Write<'a, N> {
     pub fn unknown(self) {
         match self {
             Self::Due(PendingWrite(pending)) | Self::Withheld(PendingReadBack(pending)) => {
-                pending.tell(LastWrite::Unknown);
+                pending.tell(None);
             }
         }
     }
@@ -92,19 +108,20 @@ impl<const N: usize> PendingWrite<'_, N> {
 
     /// The drives have taken the references.
     pub fn accepted(self) {
-        self.0.tell(LastWrite::Accepted);
+        *self.0.last_write = LastWrite::Accepted;
+        *self.0.is_told = true;
     }
 
     /// The drives have not taken the references, which stops; they were read back and have these values
     /// in force. Values beyond the limits count as unknown.
     pub fn refused(self, in_force: [InForce; N]) {
-        self.0.tell(LastWrite::Refused { in_force });
+        self.0.tell(Some(&in_force));
     }
 
     /// The drives may have taken any part of the references, which stops. Nothing is written until they
     /// are read back.
     pub fn unknown(self) {
-        self.0.tell(LastWrite::Unknown);
+        self.0.tell(None);
     }
 }
 
@@ -112,35 +129,28 @@ impl<const N: usize> PendingReadBack<'_, N> {
     /// The drives were read back, and have these values in force. The next tick goes on from them,
     /// unless they are beyond the limits.
     pub fn read_back(self, in_force: [InForce; N]) {
-        self.0.tell(LastWrite::Refused { in_force });
+        self.0.tell(Some(&in_force));
     }
 
     /// The drives cannot be read back.
     pub fn unknown(self) {
-        self.0.tell(LastWrite::Unknown);
+        self.0.tell(None);
     }
 }
 
 impl<const N: usize> Pending<'_, N> {
-    /// Settles the fate. The State of references that are not in force reports what is: the values
-    /// read back, else those of before.
-    fn tell(self, told: LastWrite<N>) {
-        let read_back = match &told {
-            LastWrite::Accepted => {
-                *self.fate = Some(told);
-                return;
-            }
-            LastWrite::Refused { in_force } => self.session.admits(in_force).then_some(*in_force),
-            LastWrite::Unknown => None,
-        };
-        report(self.output, &read_back.unwrap_or(*self.session.in_force()));
-        *self.fate = Some(told);
+    /// The references are not in force, but these values, if they were read back. The State reports
+    /// what is: the values read back, else those of before.
+    fn tell(self, read_back: Option<&[InForce; N]>) {
+        *self.is_told = true;
+        if let Some(in_force) = read_back {
+            *self.last_write = LastWrite::Refused {
+                in_force: *in_force,
+            };
+        }
+        let known = read_back.filter(|in_force| self.session.admits(in_force));
+        report(self.output, known.unwrap_or(self.session.in_force()));
     }
-}
-
-/// Returns what the next tick goes on from: what was not told is unknown.
-pub fn last_write<const N: usize>(fate: Option<LastWrite<N>>) -> LastWrite<N> {
-    fate.unwrap_or(LastWrite::Unknown)
 }
 
 /// Lets the State report these values as in force.

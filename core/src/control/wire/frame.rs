@@ -10,8 +10,10 @@ use crate::control::message::{FrameError, MAX_BODY, Notice, PROTOCOL_VERSION};
 const MAGIC: [u8; 2] = *b"GT";
 /// Version, kind and length of a [`Notice`]: a Refusal of version 1, which had no suite.
 const NOTICE: [u8; 4] = [1, Kind::Refusal.code(), 8, 0];
-/// Trailers of this side: a checksum. Little-endian.
-const SUITE: [u8; 2] = [0, 0];
+/// Bytes of a notice between its detail and its checksum.
+const NOTICE_ZEROS: usize = 6;
+/// Trailers of this side: a checksum.
+const SUITE: u16 = 0;
 /// Bytes before the body: magic (2), version (1), kind (1), length of the body (2), suite (2).
 pub const HEADER_LEN: usize = 8;
 /// Bytes after the body: CRC-32 of header and body.
@@ -35,6 +37,8 @@ impl FrameBytes {
     };
 
     /// As [`enclose`], in the place of another frame: that of every tick is not moved.
+    // Not inlined: three copies would not fit the smallest firmware.
+    #[inline(never)]
     pub(crate) fn enclose<B: Body>(&mut self, kind: Kind, body: &B) {
         const { assert!(B::LENGTH <= MAX_BODY, "the body does not fit a frame") };
         self.length = fill(&mut self.bytes, kind, body).unwrap_or(0);
@@ -191,8 +195,8 @@ pub(super) fn parse_header(header: [u8; HEADER_LEN]) -> Result<(u8, u16), FrameE
     if usize::from(length) > MAX_BODY {
         return Err(FrameError::TooLong { length });
     }
-    if [s0, s1] != SUITE {
-        let received = u16::from_le_bytes([s0, s1]);
+    let received = u16::from_le_bytes([s0, s1]);
+    if received != SUITE {
         return Err(FrameError::Suite { received });
     }
     Ok((kind, length))
@@ -219,7 +223,7 @@ pub fn encode_notice(notice: Notice) -> FrameBytes {
 fn fill<B: Body>(bytes: &mut [u8; MAX_FRAME], kind: Kind, body: &B) -> Option<usize> {
     let [m0, m1] = MAGIC;
     let [l0, l1] = u16::try_from(B::LENGTH).ok()?.to_le_bytes();
-    let [s0, s1] = SUITE;
+    let [s0, s1] = SUITE.to_le_bytes();
     let (header, rest) = bytes.split_first_chunk_mut::<HEADER_LEN>()?;
     *header = [m0, m1, PROTOCOL_VERSION, kind.code(), l0, l1, s0, s1];
     body.write(rest.get_mut(..B::LENGTH)?).ok()?;
@@ -231,12 +235,10 @@ fn fill_notice(bytes: &mut [u8; MAX_FRAME], notice: Notice) -> Option<usize> {
     let [m0, m1] = MAGIC;
     let [version, kind, l0, l1] = NOTICE;
     let Notice { reason, detail } = notice;
-    let (checked, _) = bytes.split_first_chunk_mut()?;
-    *checked = [
-        m0, m1, version, kind, l0, l1, reason, detail, 0, 0, 0, 0, 0, 0,
-    ];
-    let length = checked.len();
-    seal(bytes, length)
+    let (header, rest) = bytes.split_first_chunk_mut::<HEADER_LEN>()?;
+    *header = [m0, m1, version, kind, l0, l1, reason, detail];
+    *rest.first_chunk_mut()? = [0; NOTICE_ZEROS];
+    seal(bytes, HEADER_LEN.checked_add(NOTICE_ZEROS)?)
 }
 
 /// Writes the checksum behind so many bytes. Returns the number of all.

@@ -73,9 +73,11 @@ fn serve(board: &mut Board, machine: &mut MaybeUninit<Machine>) -> Option<()> {
             server.close(black_box(connection));
         }
         black_box(machine.compute(&seen.input, &mut Unmeasured));
-        black_box(machine.serve(&mut Unmeasured, &mut |_, frame| {
-            black_box(frame);
-        }));
+        black_box(
+            machine.serve(&seen.input, &mut Unmeasured, &mut |_, frame| {
+                black_box(frame);
+            }),
+        );
         while let Some(connection) = machine.server().poll_close() {
             black_box(connection);
         }

@@ -133,8 +133,6 @@ pub(crate) struct Machine {
     cycle: &'static mut ControlCycle,
     /// Input of the coming tick.
     input: TickInput<AXES>,
-    /// Fate of its references.
-    fate: LastWrite<AXES>,
     /// Last nominal positions and measurements; they stay until new ones are computed.
     last: Reading<AXES>,
 }
@@ -180,7 +178,6 @@ impl Machine {
             black_box: BlackBox::new(),
             cycle: parts.cycle,
             input: CycleInput::on_time(Motion::Given, [0.0; 6]).tick,
-            fate: LastWrite::Accepted,
             last: Reading::unmeasured(parts.nominal),
         }
     }
@@ -206,8 +203,6 @@ impl Machine {
         meter.begin();
         let result = self.cycle.run(input);
         self.input = input.tick;
-        self.fate = input.fate;
-        self.server.note_arrival(input.arrival_us);
         if !matches!(input.motion, Motion::Given) {
             self.last.nominal = result.nominal().unwrap_or(self.last.nominal);
             self.input.reading = Some(self.last);
@@ -223,16 +218,14 @@ impl Machine {
     #[inline(never)]
     pub(crate) fn serve(
         &mut self,
+        input: &CycleInput,
         meter: &mut impl Meter,
         send: &mut impl FnMut(Connection, &[u8]),
     ) -> MotorReferences {
         meter.begin();
+        self.server.note_arrival(input.arrival_us);
         let write = (self.server).tick_recorded(&self.input, &mut self.black_box);
-        let references = match &write {
-            Write::Due(write) => self.motors.spread(write.references()),
-            Write::Withheld(_) => None,
-        };
-        say(write, self.fate);
+        let references = written(write, &self.motors, &input.fate);
         while let Some((to, frame)) = self.server.poll_transmit() {
             send(to, frame);
         }
@@ -247,12 +240,27 @@ impl Machine {
     }
 }
 
-/// Says what became of references.
-fn say(write: Write<'_, AXES>, fate: LastWrite<AXES>) {
-    match (write, fate) {
-        (Write::Due(write), LastWrite::Accepted) => write.accepted(),
-        (Write::Due(write), LastWrite::Refused { in_force }) => write.refused(in_force),
-        (Write::Withheld(drives), LastWrite::Refused { in_force }) => drives.read_back(in_force),
-        (write, _) => write.unknown(),
+/// Returns the references of the motors, and says what becomes of them.
+fn written(
+    write: Write<'_, AXES>,
+    motors: &MotorMap<AXES, MOTORS>,
+    fate: &LastWrite<AXES>,
+) -> MotorReferences {
+    let write = match write {
+        Write::Due(write) => write,
+        Write::Withheld(drives) => {
+            match fate {
+                LastWrite::Refused { in_force } => drives.read_back(*in_force),
+                _ => drives.unknown(),
+            }
+            return None;
+        }
+    };
+    let references = motors.spread(write.references());
+    match fate {
+        LastWrite::Accepted => write.accepted(),
+        LastWrite::Refused { in_force } => write.refused(*in_force),
+        LastWrite::Unknown => write.unknown(),
     }
+    references
 }

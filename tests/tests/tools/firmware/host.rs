@@ -141,7 +141,7 @@ pub(crate) fn excess_is_refused() {
     };
     let begun = [start, open, hello].concat();
     assert!(is_played(&begun, &[], cycle));
-    for (count, is_allowed) in [(128 - 14, true), (128 - 13, false)] {
+    for (count, is_allowed) in [(128 - 16, true), (128 - 15, false)] {
         let bytes = traffic::encode(&Record::Bytes(Connection(0), &[0; MAX_RECORD][..count]));
         assert_eq!(
             is_played(&begun, &bytes, cycle),
