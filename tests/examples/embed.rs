@@ -29,16 +29,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for _millisecond in 0..3 {
         server.feed(client, b""); // what the client's socket has
         let write = server.tick(&TickInput {
-            elapsed_cycles: 1, // more after an overrun
-            reading: Some(Reading { nominal, actual }), // None: the machine could not be read
+            elapsed_cycles: 1,
+            reading: Some(Reading { nominal, actual }), // None: not read
             stop: false, quit: false, rearm: false,
         });
-        match write { // first of all; what is not said of it is unknown, and stops
+        match write { // not said is unknown
             Write::Due(write) => match write_to_drives(motors.spread(write.references())) {
                 Ok(()) => write.accepted(),
                 Err(in_force) => write.refused(in_force),
             },
-            Write::Withheld(drives) => drives.unknown(), // or what was read back from them
+            Write::Withheld(drives) => drives.unknown(), // or read_back
         }
         while let Some((to, frame)) = server.poll_transmit() { send(to, frame); }
         while let Some(connection) = server.poll_close() { close(connection); }
