@@ -134,7 +134,8 @@ impl<const N: usize> Endpoint<N> {
     /// The invariant, clause by clause: the session and every deframer are valid; connections are
     /// in the order of their numbers, which is that of their opening; no connection was read beyond
     /// its budget, and none has more events than it was read for, so that those that may still
-    /// arrive before the tick find room; the owner has a connection, or its Closed waits.
+    /// arrive before the tick find room; the owner has a connection, or its Closed waits; references
+    /// of which nothing was said are unknown.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         self.session.is_valid()
@@ -147,6 +148,7 @@ impl<const N: usize> Endpoint<N> {
                 .is_sorted_by(|one, next| one.connection < next.connection)
             && self.inbox_has_room()
             && self.owner_is_connected()
+            && (self.is_told || self.input.last_write == LastWrite::Unknown)
     }
 
     /// True if the owner has a connection that is not to be closed, or the coming tick learns that

@@ -103,16 +103,16 @@
 #define GT_BLACK_BOX_TICKS 64
 
 // Bytes of a server with 3 axes and no black box, on any target.
-#define GT_SERVER_SIZE_3 8448
+#define GT_SERVER_SIZE_3 8192
 
 // Bytes of a server with 6 axes and no black box.
-#define GT_SERVER_SIZE_6 11776
+#define GT_SERVER_SIZE_6 11520
 
 // Bytes of a server with 3 axes and a black box.
 #define GT_SERVER_SIZE_3_BLACK_BOX 387328
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 582656
+#define GT_SERVER_SIZE_6_BLACK_BOX 581376
 
 // Largest distance of a drive from what gt_start says is in force, nm.
 #define GT_START_WINDOW_NM 1000000
@@ -1251,7 +1251,8 @@ gt_code gt_server_set_epochs(struct gt_server *server, uint64_t first, uint64_t 
 // The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not
 // stand at what gt_start says is in force.
 //
-// Errors: GT_CODE_TICK_INPUT: reading, stop or rearm, in this order, is not one of its values, and `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+// Errors: GT_CODE_TICK_INPUT: reading, stop or rearm, in this order, is not one of its values, and
+// `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
 // After an error nothing has changed.
 gt_code gt_server_tick(struct gt_server *server,
                        const struct gt_tick_input *input,

@@ -52,13 +52,13 @@ pub const GT_BLACK_BOX_NONE: u32 = 0;
 pub const GT_BLACK_BOX_TICKS: u32 = 64;
 
 /// Bytes of a server with 3 axes and no black box, on any target.
-pub const GT_SERVER_SIZE_3: usize = 8_448;
+pub const GT_SERVER_SIZE_3: usize = 8_192;
 /// Bytes of a server with 6 axes and no black box.
-pub const GT_SERVER_SIZE_6: usize = 11_776;
+pub const GT_SERVER_SIZE_6: usize = 11_520;
 /// Bytes of a server with 3 axes and a black box.
 pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 387_328;
 /// Bytes of a server with 6 axes and a black box, the largest server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 582_656;
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 581_376;
 
 /// Largest distance of a drive from what gt_start says is in force, nm.
 pub const GT_START_WINDOW_NM: u64 = 1_000_000;
@@ -304,7 +304,8 @@ pub unsafe extern "C" fn gt_server_set_epochs(
 /// The first tick needs a reading, and compares it: GT_CODE_START_DISAGREES if a drive does not
 /// stand at what gt_start says is in force.
 ///
-/// Errors: GT_CODE_TICK_INPUT: reading, stop or rearm, in this order, is not one of its values, and `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
+/// Errors: GT_CODE_TICK_INPUT: reading, stop or rearm, in this order, is not one of its values, and
+/// `error` says which; GT_CODE_NULL_POINTER, GT_CODE_MISALIGNED, GT_CODE_NO_OBJECT.
 /// After an error nothing has changed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gt_server_tick(

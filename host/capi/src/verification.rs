@@ -117,7 +117,7 @@ pub fn to_core<const N: usize>(input: &gt_tick_input) -> Reply<TickInput<N>> {
     input.to_core()
 }
 
-/// What C says of references, with what is at its pointer.
+/// Judges the fate that C tells of references, with what is at its pointer.
 ///
 /// # Errors
 /// A fate that is none, or that references without a write cannot have; no values where some are

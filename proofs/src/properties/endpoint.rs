@@ -22,7 +22,7 @@ pub enum EndpointOp<const N: usize> {
     Tick(TickInput<N>, Told<N>),
 }
 
-/// What an embedder says of the references of a tick.
+/// Fate that an embedder tells of the references of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub enum Told<const N: usize> {
@@ -30,7 +30,7 @@ pub enum Told<const N: usize> {
     Accepted,
     /// The drives have these values in force.
     ReadBack([InForce; N]),
-    /// Nobody knows.
+    /// It is not known.
     Unknown,
     /// Nothing.
     Nothing,

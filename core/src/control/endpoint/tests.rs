@@ -438,8 +438,8 @@ fn a_refused_write_is_not_reported_as_in_force() {
     assert!(!bench.endpoint.is_at_zero());
 }
 
-/// What was read back is what the State reports and what the next tick goes on from; beyond the
-/// limits it is worth nothing.
+/// The State reports the values that were read back, and the next tick goes on from them; beyond the
+/// limits they count as unknown.
 #[test]
 fn values_that_were_read_back_count_from_the_same_tick_on() {
     let (mut bench, _) = obtaining(Transport::Stream);
@@ -456,8 +456,8 @@ fn values_that_were_read_back_count_from_the_same_tick_on() {
     assert_eq!(bench.due().parts(), in_force(-99_900));
 }
 
-/// The server does not go on from references of which nobody says that a drive took them, however
-/// the embedder came to say nothing.
+/// The server does not go on from references that no embedder has called accepted, for any reason of
+/// its silence.
 #[test]
 fn what_is_not_told_is_unknown() {
     let silences: [fn(&mut Bench); 3] = [
@@ -529,7 +529,7 @@ fn the_arrival_is_that_of_one_tick() {
 #[test]
 fn every_clause_of_the_invariant_counts() {
     type Break = fn(&mut Endpoint<2>);
-    let breaks: [(&str, Break); 8] = [
+    let breaks: [(&str, Break); 9] = [
         ("slot", |endpoint| endpoint.slots[0].frames = 9),
         ("number", |endpoint| {
             endpoint.next_connection = endpoint.slots[1].connection.0
@@ -545,6 +545,9 @@ fn every_clause_of_the_invariant_counts() {
         ("owner gone", |endpoint| {
             endpoint.input.events.clear();
             endpoint.slots.remove(0);
+        }),
+        ("a fate that is not told", |endpoint| {
+            endpoint.is_told = false;
         }),
         ("owner to be closed", |endpoint| {
             endpoint.input.events.truncate(1);

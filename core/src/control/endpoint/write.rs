@@ -33,7 +33,7 @@ pub struct PendingReadBack<'a, const N: usize>(Pending<'a, N>);
 pub(crate) struct Pending<'a, const N: usize> {
     session: &'a Session<N>,
     output: &'a mut Output<N>,
-    /// What the next tick goes on from: unknown, unless it is told.
+    /// Fate that the next tick goes on from: unknown, unless it is told.
     last_write: &'a mut LastWrite<N>,
     is_told: &'a mut bool,
 }
@@ -62,33 +62,31 @@ impl<'a, const N: usize> Write<'a, N> {
         }
     }
 
+    const fn pending(&self) -> &Pending<'a, N> {
+        match self {
+            Self::Due(PendingWrite(pending)) | Self::Withheld(PendingReadBack(pending)) => pending,
+        }
+    }
+
     /// Returns the output of the tick, whose State is that of references that the drives take: for the
     /// stop latch, and for a log.
     #[must_use]
     pub const fn output(&self) -> &Output<N> {
-        match self {
-            Self::Due(PendingWrite(pending)) | Self::Withheld(PendingReadBack(pending)) => {
-                pending.output
-            }
-        }
+        self.pending().output
     }
 
     /// Returns the parts of the references: what is in force once the drives have taken them.
     #[must_use]
     pub fn parts(&self) -> [InForce; N] {
-        match self {
-            Self::Due(PendingWrite(pending)) | Self::Withheld(PendingReadBack(pending)) => {
-                pending.session.demanded()
-            }
-        }
+        self.pending().session.demanded()
     }
 
-    /// Nothing is known of the drives: [`PendingWrite::unknown`], [`PendingReadBack::unknown`].
+    /// Takes note that nothing is known of the drives: [`PendingWrite::unknown`],
+    /// [`PendingReadBack::unknown`].
     pub fn unknown(self) {
         match self {
-            Self::Due(PendingWrite(pending)) | Self::Withheld(PendingReadBack(pending)) => {
-                pending.tell(None);
-            }
+            Self::Due(write) => write.unknown(),
+            Self::Withheld(drives) => drives.unknown(),
         }
     }
 }
@@ -106,41 +104,41 @@ impl<const N: usize> PendingWrite<'_, N> {
         self.0.session.demanded()
     }
 
-    /// The drives have taken the references.
+    /// Takes note that the drives have taken the references.
     pub fn accepted(self) {
         *self.0.last_write = LastWrite::Accepted;
         *self.0.is_told = true;
     }
 
-    /// The drives have not taken the references, which stops; they were read back and have these values
-    /// in force. Values beyond the limits count as unknown.
+    /// Takes note that the drives have not taken the references, which stops; they were read back and
+    /// have these values in force. Values beyond the limits count as unknown.
     pub fn refused(self, in_force: [InForce; N]) {
         self.0.tell(Some(&in_force));
     }
 
-    /// The drives may have taken any part of the references, which stops. Nothing is written until they
-    /// are read back.
+    /// Takes note that the drives may have taken any part of the references, which stops. Nothing is
+    /// written until they are read back.
     pub fn unknown(self) {
         self.0.tell(None);
     }
 }
 
 impl<const N: usize> PendingReadBack<'_, N> {
-    /// The drives were read back, and have these values in force. The next tick goes on from them,
-    /// unless they are beyond the limits.
+    /// Takes note that the drives were read back, and have these values in force. The next tick goes on
+    /// from them, unless they are beyond the limits.
     pub fn read_back(self, in_force: [InForce; N]) {
         self.0.tell(Some(&in_force));
     }
 
-    /// The drives cannot be read back.
+    /// Takes note that the drives cannot be read back.
     pub fn unknown(self) {
         self.0.tell(None);
     }
 }
 
 impl<const N: usize> Pending<'_, N> {
-    /// The references are not in force, but these values, if they were read back. The State reports
-    /// what is: the values read back, else those of before.
+    /// Settles references that are not in force. The State reports what is: the values read back, if
+    /// they are within their limits, else those of before.
     fn tell(self, read_back: Option<&[InForce; N]>) {
         *self.is_told = true;
         if let Some(in_force) = read_back {

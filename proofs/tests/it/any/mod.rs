@@ -359,7 +359,7 @@ pub(crate) fn last_write<const N: usize>() -> impl Strategy<Value = LastWrite<N>
     ]
 }
 
-/// What is said of references.
+/// Fates that are told of references.
 pub(crate) fn told<const N: usize>() -> impl Strategy<Value = Told<N>> {
     prop_oneof![
         20 => Just(Told::Accepted),
