@@ -279,10 +279,12 @@ impl AxisFlags {
     pub const TORQUE_LIMITED: Self = Self(8);
     /// The nominal reference stepped further than its limit.
     pub const NOMINAL_STEP: Self = Self(16);
+    /// The nominal reference accelerated more than its limit.
+    pub const NOMINAL_ACCEL: Self = Self(32);
     /// Some offset could not reach its target.
     pub const LIMITED: Self = Self(2 | 4 | 8);
     /// All flags.
-    pub const ALL: Self = Self(31);
+    pub const ALL: Self = Self(63);
 
     /// Returns the flags of these bits, if every one of them has a name.
     #[inline]

@@ -6,7 +6,9 @@ pub use crate::control::monitor::axis::AxisMonitor;
 pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
 pub use crate::control::monitor::{Parts as MonitorParts, Seen};
 pub use crate::control::session::Parts;
-pub use crate::control::session::act::{Axis, AxisCommand, drive_reference, nominal_stepped};
+pub use crate::control::session::act::{
+    Axis, AxisCommand, drive_reference, nominal_accelerated, nominal_stepped,
+};
 pub use crate::control::session::channels::AxisChannels;
 pub use crate::control::session::fsm::{
     Action, Decision, EndReason, FsmInput, FsmState, Rules, decide,

@@ -2,7 +2,7 @@
 //! travel.
 
 use super::channels::{AxisChannels, limited};
-use super::config::{AxisConfig, Travel};
+use super::config::{AxisConfig, NominalAccel, Travel};
 use super::fsm::Action;
 use crate::control::agitation::Agitation;
 use crate::control::axis::{Actual, InForce, Offsets, Reference};
@@ -21,6 +21,9 @@ pub struct Axis {
     pub shadow: AxisChannels,
     /// Nominal reference of the last tick.
     pub nominal: PositionNm,
+    /// Its change in that tick, nm, if the tick was on time and on the path, and the acceleration
+    /// has a limit.
+    pub nominal_change: Option<i64>,
     /// Last measurements of the drive; reported only.
     pub actual: Actual,
     /// Agitation of the position offset in Obtain.
@@ -44,6 +47,10 @@ pub struct AxisCommand {
     pub nominal: PositionNm,
     /// The nominal reference is further from the last one than its limit.
     pub nominal_stepped: bool,
+    /// Its second difference is beyond its limit.
+    pub nominal_accelerated: bool,
+    /// The tick is on time and on the path.
+    pub on_path: bool,
     /// Measurements of the drive.
     pub actual: Actual,
 }
@@ -51,7 +58,8 @@ pub struct AxisCommand {
 impl Axis {
     /// The invariant, clause by clause: channels and shadow are valid under their limits; before
     /// Obtain the channels rest at zero (T6); outside Submit the shadow rests at zero; outside
-    /// Obtain, and without a budget, there is no agitation.
+    /// Obtain, and without a budget, there is no agitation; without a limit of the nominal acceleration
+    /// no change is kept.
     #[must_use]
     pub fn is_valid(&self, phase: Phase, config: &AxisConfig) -> bool {
         let limits = &config.limits;
@@ -62,6 +70,7 @@ impl Axis {
             && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
             && (phase == Phase::Obtain && config.agitation.is_some()
                 || self.agitation == Agitation::ZERO)
+            && (config.nominal_accel.is_some() || self.nominal_change.is_none())
     }
 
     /// True if the agitation is beyond its budget.
@@ -126,6 +135,10 @@ impl Axis {
                 Agitation::ZERO
             };
         }
+        if config.nominal_accel.is_some() {
+            let change = command.nominal.0.saturating_sub(self.nominal.0);
+            self.nominal_change = command.on_path.then_some(change);
+        }
         self.nominal = command.nominal;
         self.actual = command.actual;
         // In Submit it is the shadow that approaches its target.
@@ -149,7 +162,8 @@ impl Axis {
             shadow,
             actual: command.actual,
             flags: AxisFlags(limited.0 | clamped.0)
-                .with(AxisFlags::NOMINAL_STEP, command.nominal_stepped),
+                .with(AxisFlags::NOMINAL_STEP, command.nominal_stepped)
+                .with(AxisFlags::NOMINAL_ACCEL, command.nominal_accelerated),
         };
         reference
     }
@@ -183,6 +197,17 @@ pub fn drive_reference(
 pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycles: u32) -> bool {
     let limit = u64::from(axis.nominal_step_nm).wrapping_mul(u64::from(cycles));
     from.0.abs_diff(to.0) > limit
+}
+
+/// True if the nominal reference of an axis accelerated more than its limit, on time and on the path.
+#[inline]
+#[must_use]
+pub fn nominal_accelerated(axis: &Axis, to: PositionNm, limit: NominalAccel) -> bool {
+    // Exact for positions within 2^61: no difference saturates.
+    axis.nominal_change.is_some_and(|last| {
+        let change = to.0.saturating_sub(axis.nominal.0);
+        change.abs_diff(last) > u64::from(limit.nm)
+    })
 }
 
 #[cfg(test)]
@@ -223,6 +248,34 @@ mod tests {
                 };
                 let found = nominal_stepped(PositionNm(from), PositionNm(end), &config, cycles);
                 prop_assert_eq!(found, is_far);
+            }
+        }
+
+        /// Against wider integers.
+        #[test]
+        fn an_acceleration_of_the_path_is_beyond_its_limit_exactly(
+            places in [-(1_i64 << 61)..=1 << 61, -(1_i64 << 61)..=1 << 61, -(1_i64 << 61)..=1 << 61],
+            nm in prop_oneof![0..1_000_u32, any::<u32>()],
+        ) {
+            let second = |places: [i64; 3]| {
+                let [before, last, now] = places.map(i128::from);
+                (now - 2 * last + before).abs()
+            };
+            let found = |[before, last, now]: [i64; 3]| {
+                let axis = Axis {
+                    nominal: PositionNm(last),
+                    nominal_change: Some(last - before),
+                    ..Axis::default()
+                };
+                nominal_accelerated(&axis, PositionNm(now), NominalAccel { nm, is_fault: false })
+            };
+            prop_assert_eq!(found(places), second(places) > i128::from(nm));
+            let [before, last, _] = places;
+            for (beyond, is_far) in [(0, false), (1, true)] {
+                let now = 2 * i128::from(last) - i128::from(before) + i128::from(nm) + beyond;
+                if let Ok(now) = i64::try_from(now) {
+                    prop_assert_eq!(found([before, last, now]), is_far);
+                }
             }
         }
     }

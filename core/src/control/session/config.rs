@@ -55,12 +55,28 @@ pub struct AxisConfig {
     pub machine_travel: Travel,
     /// Largest change of the nominal reference per tick, nm. Zero means that it must not move.
     pub nominal_step_nm: u32,
+    /// Limit of the second difference of the nominal reference; `None`: it is not looked at.
+    pub nominal_accel: Option<NominalAccel>,
     /// Budget for the second differences of the position offset; `None`: off.
     pub agitation: Option<AgitationBudget>,
 }
 
+/// Limit of the second difference `|n(k) - 2 n(k-1) + n(k-2)|` of the nominal reference. Only ticks
+/// on time are looked at, of which the two last were read and are on the path: after a start, a
+/// skipped cycle, a failed reading or a hold it begins anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct NominalAccel {
+    /// The limit, nm per tick².
+    pub nm: u32,
+    /// Beyond it the server stops, as beyond the step; otherwise it is flagged, and passed on.
+    pub is_fault: bool,
+}
+
 impl AxisConfig {
-    /// An axis with position offsets only, without agitation budget. Its machine travel is wider
+    /// An axis with position offsets only, without limit of the nominal acceleration and agitation budget. Its machine travel is wider
     /// than `nominal_travel` by `M`.
     #[must_use]
     pub const fn position_only(
@@ -84,6 +100,7 @@ impl AxisConfig {
                 upper: PositionNm(nominal_travel.upper.0.saturating_add(reach)),
             },
             nominal_step_nm,
+            nominal_accel: None,
             agitation: None,
         }
     }

@@ -3,7 +3,7 @@
 //!
 //! [`step`] receives no counter, no cause and no clock: diagnostics cannot decide anything (T7).
 
-use super::act::{Axis, AxisCommand, nominal_stepped};
+use super::act::{Axis, AxisCommand, nominal_accelerated, nominal_stepped};
 use super::config::{AxisConfig, Parameters};
 use super::fsm::{Action, Decision, FsmInput, FsmState, Rules, decide};
 use super::ingress::Accepted;
@@ -91,6 +91,10 @@ pub struct Order<const N: usize> {
     pub shadow: Option<Action>,
     /// Axes whose nominal reference is further from the last one than its limit.
     pub stepped: [bool; N],
+    /// Axes whose nominal reference accelerated more than its limit.
+    pub accelerated: [bool; N],
+    /// The tick is on time and on the path.
+    pub on_path: bool,
     /// The nominal references in force stand.
     pub holds: bool,
 }
@@ -105,10 +109,18 @@ pub fn order<const N: usize>(
     accepted: &Accepted<N>,
 ) -> (Decision, FsmInput, Order<N>) {
     let stepped = all_nominal_stepped(parameters, axes, tick);
+    // Of a tick after one that was held, the change is not one of the path.
+    let on_path = tick.cycles() == 1 && tick.reading.is_some() && !known.off_path;
+    let (accelerated, accel_fault) = if on_path {
+        all_nominal_accelerated(parameters, axes, tick)
+    } else {
+        ([false; N], false)
+    };
     // Unknown values in force do not count as zero.
     let zero = all_zero(axes) && !known.withheld;
     let agitated = is_agitated(parameters, axes);
-    let fsm = complete(accepted.fsm, known, zero, agitated, tick, &stepped);
+    let nominal_fault = accel_fault || each(&stepped).any(|stepped| *stepped);
+    let fsm = complete(accepted.fsm, known, zero, agitated, tick, nominal_fault);
     // All axes together: some of them moved and some not could be a pose that the machine does not
     // have.
     let holds = tick.reading.is_none() || known.off_path && fsm.nominal_fault;
@@ -126,6 +138,8 @@ pub fn order<const N: usize>(
             obtains: decision.next.phase == Phase::Obtain,
             shadow,
             stepped,
+            accelerated,
+            on_path,
             holds,
         },
     )
@@ -170,6 +184,8 @@ fn command<const N: usize>(
         target: *accepted.targets.get(index)?,
         nominal,
         nominal_stepped: *order.stepped.get(index)?,
+        nominal_accelerated: *order.accelerated.get(index)?,
+        on_path: order.on_path,
         actual,
     })
 }
@@ -219,6 +235,34 @@ fn all_nominal_stepped<const N: usize>(
     stepped
 }
 
+/// Returns the axes whose nominal references accelerated more than they may, and whether one of
+/// them stops for it.
+fn all_nominal_accelerated<const N: usize>(
+    parameters: &Parameters<N>,
+    axes: &[Axis; N],
+    tick: &TickInput<N>,
+) -> ([bool; N], bool) {
+    let (mut accelerated, mut is_fault) = ([false; N], false);
+    let Some(reading) = &tick.reading else {
+        return (accelerated, is_fault);
+    };
+    for index in 0..N {
+        // Every array has N elements.
+        if let (Some(accelerated), Some(axis), Some(to), Some(config)) = (
+            accelerated.get_mut(index),
+            axes.get(index),
+            reading.nominal.get(index),
+            parameters.axes.get(index),
+        ) {
+            if let Some(limit) = config.nominal_accel {
+                *accelerated = nominal_accelerated(axis, *to, limit);
+                is_fault |= *accelerated && limit.is_fault;
+            }
+        }
+    }
+    (accelerated, is_fault)
+}
+
 /// The only constructor of a complete input: accepted events, and the tick's own.
 fn complete<const N: usize>(
     accepted: FsmInput,
@@ -226,7 +270,7 @@ fn complete<const N: usize>(
     all_zero: bool,
     agitated: bool,
     tick: &TickInput<N>,
-    stepped: &[bool; N],
+    nominal_fault: bool,
 ) -> FsmInput {
     // Somebody must look at a machine that was not read, or did not take its references.
     let outage = tick.reading.is_none() || known.refused;
@@ -237,7 +281,7 @@ fn complete<const N: usize>(
         skipped: tick.cycles().saturating_sub(1),
         all_zero,
         agitated,
-        nominal_fault: each(stepped).any(|stepped| *stepped),
+        nominal_fault,
         ..accepted
     }
 }
