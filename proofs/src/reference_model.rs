@@ -49,6 +49,8 @@ pub struct ReferenceModel<const N: usize> {
     withheld: bool,
     /// The path has not been met since a start, a refused write or a failed read.
     off_path: bool,
+    /// Nominal references before the last ones, if the last tick was on time and on the path.
+    path: Option<[i64; N]>,
     nominal: [i64; N],
     /// Last measurements.
     actual: [Actual; N],
@@ -63,6 +65,16 @@ pub struct ReferenceModel<const N: usize> {
 struct Point {
     value: i64,
     change: i64,
+}
+
+/// What is wrong with the nominal references of a tick.
+struct PathFaults<const N: usize> {
+    /// Axes whose nominal reference is further from the last one than its limit.
+    stepped: [bool; N],
+    /// Axes whose nominal reference accelerated more than its limit.
+    accelerated: [bool; N],
+    /// One of them stops the machine.
+    is_fault: bool,
 }
 
 /// Decision of a tick: an action, and the cause if a session ended in it.
@@ -121,6 +133,7 @@ impl<const N: usize> ReferenceModel<N> {
             counters: Counters::default(),
             withheld: false,
             off_path: true,
+            path: None,
             actual: [Actual::ZERO; N],
             nominal: start.in_force.map(|axis| axis.nominal.0),
             channels: [[Point::default(); 3]; N],
@@ -186,11 +199,14 @@ impl<const N: usize> ReferenceModel<N> {
         let owner_before = self.owner;
         let mut accepted = self.classify(input);
         let zero = self.is_zero() && !self.withheld;
-        let stepped = self.follow_path(cycle, cycles);
+        let PathFaults {
+            stepped,
+            accelerated,
+            is_fault: faulty,
+        } = self.follow_path(cycle, cycles);
         self.tick = self.tick.saturating_add(cycles);
         let outage = cycle.reading.is_none() || input.last_write != LastWrite::Accepted;
         let stop = accepted.stop || cycle.stop || outage;
-        let faulty = stepped.contains(&true);
         let before = self.phase;
         let (action, ended) = if stop || faulty || cycle.quit {
             let cause = if stop || cycle.quit {
@@ -221,8 +237,9 @@ impl<const N: usize> ReferenceModel<N> {
             assert!(accepted.refusals.push((connection, faulted)).is_ok());
         }
         let command = accepted.command.as_ref();
-        let axes: [_; N] =
-            std::array::from_fn(|axis| self.act(axis, &action, command, stepped[axis]));
+        let axes: [_; N] = std::array::from_fn(|axis| {
+            self.act(axis, &action, command, [stepped[axis], accelerated[axis]])
+        });
         // Only core can make an output; every field of this one is the model's.
         let mut expected = output.clone();
         expected.references = axes.map(|(reference, _)| reference);
@@ -481,12 +498,16 @@ impl<const N: usize> ReferenceModel<N> {
         self.latched = false;
     }
 
-    /// Takes the nominal references and measurements of the tick. Returns the axes whose nominal
-    /// reference is beyond its limit.
-    fn follow_path(&mut self, cycle: &TickInput<N>, cycles: u64) -> [bool; N] {
+    /// Takes the nominal references and measurements of the tick.
+    fn follow_path(&mut self, cycle: &TickInput<N>, cycles: u64) -> PathFaults<N> {
+        let before = std::mem::take(&mut self.path);
         let Some(reading) = &cycle.reading else {
             self.off_path = true;
-            return [false; N];
+            return PathFaults {
+                stepped: [false; N],
+                accelerated: [false; N],
+                is_fault: false,
+            };
         };
         self.actual = reading.actual;
         let stepped = std::array::from_fn(|axis| {
@@ -494,11 +515,31 @@ impl<const N: usize> ReferenceModel<N> {
             let change = i128::from(reading.nominal[axis].0) - i128::from(self.nominal[axis]);
             change.unsigned_abs() > limit
         });
+        let is_on_path = cycles == 1 && !self.off_path;
+        let accelerated = std::array::from_fn(|axis| {
+            let limit = self.parameters.axes[axis].nominal_accel;
+            limit.zip(before).is_some_and(|(limit, before)| {
+                let last = change(before[axis], self.nominal[axis]);
+                let now = change(self.nominal[axis], reading.nominal[axis].0);
+                is_on_path && now.abs_diff(last) > limit.nm.get().into()
+            })
+        });
+        let is_fault = (0..N).any(|axis| {
+            let stops = self.parameters.axes[axis]
+                .nominal_accel
+                .is_some_and(|limit| limit.is_fault);
+            stepped[axis] || stops && accelerated[axis]
+        });
+        self.path = is_on_path.then_some(self.nominal);
         self.off_path &= stepped.contains(&true);
         if !self.off_path {
             self.nominal = reading.nominal.map(|nominal| nominal.0);
         }
-        stepped
+        PathFaults {
+            stepped,
+            accelerated,
+            is_fault,
+        }
     }
 
     /// Applies the action to the channels of an axis; in Submit, the shadow does what the channel
@@ -508,7 +549,7 @@ impl<const N: usize> ReferenceModel<N> {
         axis: usize,
         action: &ChannelAction<N>,
         command: Option<&Command<N>>,
-        stepped: bool,
+        [stepped, accelerated]: [bool; 2],
     ) -> (Reference, AxisState) {
         let config = &self.parameters.axes[axis];
         let before = self.channels[axis];
@@ -545,6 +586,7 @@ impl<const N: usize> ReferenceModel<N> {
         let flags = AxisFlags::default()
             .with(AxisFlags::TRAVEL, inside != wanted)
             .with(AxisFlags::NOMINAL_STEP, stepped)
+            .with(AxisFlags::NOMINAL_ACCEL, accelerated)
             .with(AxisFlags::POSITION_LIMITED, position)
             .with(AxisFlags::VELOCITY_LIMITED, velocity)
             .with(AxisFlags::TORQUE_LIMITED, torque);
@@ -640,6 +682,11 @@ fn offsets(points: &[Point; 3]) -> Offsets {
         velocity: VelocityUmS(i32::try_from(velocity).unwrap_or(i32::MAX)),
         torque: TorquePermille(i16::try_from(torque).unwrap_or(i16::MAX)),
     }
+}
+
+/// Change of a nominal reference, cut to 64 bits: exact for positions within 2^61 nm.
+fn change(from: i64, to: i64) -> i128 {
+    (i128::from(to) - i128::from(from)).clamp(i64::MIN.into(), i64::MAX.into())
 }
 
 fn apply<const N: usize>(

@@ -9,6 +9,8 @@ mod on_session;
 pub use on_endpoint::endpoint_is_right;
 pub use on_session::every_tick_is_right;
 
+use std::num::NonZeroU32;
+
 use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
@@ -16,7 +18,7 @@ use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, ClientMessage, Command, Hello, Mode, Phase,
 };
 use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, MissBudget, Parameters, Travel,
+    AxisConfig, Config, MissBudget, NominalAccel, Parameters, Travel,
 };
 use gantry_tau_core::control::session::{Event, LastWrite, Reading, Session, Start, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
@@ -61,6 +63,9 @@ pub struct Machine {
     pub reach: [[u32; 2]; N],
     /// Largest step of the nominal reference of each axis, nm.
     pub nominal_step: [u16; N],
+    /// Largest second difference of the nominal reference of each axis, less 1, nm, and whether it
+    /// stops the machine.
+    pub nominal_accel: [Option<(u16, bool)>; N],
     /// Agitation budget of each axis, nm per tick.
     pub agitation: [Option<u16>; N],
     /// Window and allowed misses.
@@ -216,6 +221,10 @@ impl Machine {
             let nominal_step = self.nominal_step[axis].into();
             AxisConfig {
                 limits,
+                nominal_accel: self.nominal_accel[axis].map(|(nm, is_fault)| NominalAccel {
+                    nm: NonZeroU32::MIN.saturating_add(nm.into()),
+                    is_fault,
+                }),
                 agitation: self.agitation[axis].and_then(|rate| AgitationBudget::new(rate.into())),
                 ..AxisConfig::position_only(limits.position, travel, nominal_step)
             }

@@ -1,4 +1,4 @@
-//! Stand-ins for two functions that a solver cannot compare with themselves: an unknown function
+//! Stand-ins for three functions that a solver cannot compare with themselves: an unknown function
 //! each, of which one number is chosen.
 //!
 //! They return a bit or a byte of their arguments, no matter which, so that two calls agree only if
@@ -6,14 +6,15 @@
 
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
-use gantry_tau_core::control::session::config::AxisConfig;
+use gantry_tau_core::control::session::config::{AxisConfig, NominalAccel};
 use gantry_tau_core::units::PositionNm;
+use gantry_tau_core::verification::control::Axis;
 
 static BIT: AtomicU32 = AtomicU32::new(0);
 static KEY: AtomicU32 = AtomicU32::new(0);
 static PLACE: AtomicUsize = AtomicUsize::new(0);
 
-/// Chooses the bit that [`nominal_stepped`] returns.
+/// Chooses the bit that [`nominal_stepped`] and [`nominal_accelerated`] return.
 pub fn choose_bit(bit: u32) {
     BIT.store(bit, Ordering::Relaxed);
 }
@@ -25,6 +26,17 @@ pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycl
     let limit = i64::from(axis.nominal_step_nm).rotate_left(32);
     let mixed = from.0 ^ to.0.rotate_left(16) ^ limit ^ i64::from(cycles);
     from != to && mixed.rotate_right(BIT.load(Ordering::Relaxed)) & 1 == 1
+}
+
+/// Comparison of the second difference of a nominal reference with its limit, of any machine at
+/// once: an unknown bit of the arguments. Without a change before there is no second difference.
+#[must_use]
+pub fn nominal_accelerated(axis: &Axis, to: PositionNm, limit: NominalAccel) -> bool {
+    let limit = i64::from(limit.nm.get()).rotate_left(32);
+    axis.nominal_change.is_some_and(|change| {
+        let mixed = axis.nominal.0 ^ to.0.rotate_left(16) ^ limit ^ change.rotate_left(48);
+        mixed.rotate_right(BIT.load(Ordering::Relaxed)) & 1 == 1
+    })
 }
 
 /// Chooses the byte that [`checksum`] depends on, and a key.

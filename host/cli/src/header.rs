@@ -367,6 +367,13 @@ impl Header {
             "        .nominal_step_nm = {},",
             axis.nominal_step_nm
         ));
+        if let Some(limit) = axis.nominal_accel {
+            self.line(format!(
+                "        .nominal_accel_nm = {}, .nominal_accel_is_fault = {},",
+                limit.nm,
+                u8::from(limit.is_fault)
+            ));
+        }
         if let Some(budget) = axis.agitation {
             self.line(format!(
                 "        .agitation_nm_per_tick = {},",

@@ -35,11 +35,11 @@ fn any_input<const N: usize>() -> StepInput<N> {
 harnesses! {
     session_of_3_axes_acts_axis_by_axis [minisat, unwind 5] { session::axes_act_by_themselves(&any_input::<3>(), &kani::any(), &kani::any()); }
     session_of_6_axes_acts_axis_by_axis [minisat, unwind 8] { session::axes_act_by_themselves(&any_input::<6>(), &kani::any(), &kani::any()); }
-    session_orders_what_is_decided [minisat, unwind 5, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped)] {
+    session_orders_what_is_decided [minisat, unwind 5, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated)] {
         stand_in::choose_bit(kani::any());
         session::order_is_of_the_decision(&any_input::<AXES>());
     }
-    session_of_6_axes_orders_what_is_decided [minisat, unwind 8, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped)] {
+    session_of_6_axes_orders_what_is_decided [minisat, unwind 8, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated)] {
         stand_in::choose_bit(kani::any());
         session::order_is_of_the_decision(&any_input::<6>());
     }

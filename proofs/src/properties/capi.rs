@@ -448,5 +448,9 @@ fn same_limits(core: &AxisConfig, c: &gt_axis_config) -> bool {
         && (core.machine_travel.lower.0, core.machine_travel.upper.0)
             == (c.machine_lower_nm, c.machine_upper_nm)
         && core.nominal_step_nm == c.nominal_step_nm
+        && core.nominal_accel.map_or(0, |limit| limit.nm.get()) == c.nominal_accel_nm
+        && core
+            .nominal_accel
+            .is_none_or(|limit| limit.is_fault == (c.nominal_accel_is_fault != 0))
         && core.agitation.map_or(0, |budget| budget.nm_per_tick.get()) == c.agitation_nm_per_tick
 }

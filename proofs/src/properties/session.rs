@@ -11,7 +11,7 @@ use gantry_tau_core::control::session::{
 };
 use gantry_tau_core::verification::control::{
     Accepted, Action, Axis, AxisCommand, Decision, Diagnostics, FsmInput, FsmState, Internals,
-    Known, Order, Rules, carry_out, decide, nominal_stepped, order,
+    Known, Order, Rules, carry_out, decide, nominal_accelerated, nominal_stepped, order,
 };
 
 use crate::properties::axis::{Bounded, Kind, Ramped};
@@ -76,7 +76,8 @@ pub fn decided_on<const N: usize>(input: &StepInput<N>) -> (FsmInput, Rules) {
         stop: accepted.fsm.stop || tick.stop || outage,
         quit: tick.quit,
         rearm: tick.rearm,
-        nominal_fault: (0..N).any(|axis| has_stepped(input, axis)),
+        nominal_fault: (0..N)
+            .any(|axis| has_stepped(input, axis) || has_accelerated(input, axis) == Some(true)),
         agitated: (0..N).any(|axis| parts.axes[axis].is_agitated(&parameters.axes[axis])),
         skipped: cycles - 1,
         all_zero: !parts.withheld
@@ -104,6 +105,23 @@ fn has_stepped<const N: usize>(input: &StepInput<N>, axis: usize) -> bool {
         .reading
         .as_ref()
         .is_some_and(|reading| nominal_stepped(last, reading.nominal[axis], config, cycles))
+}
+
+/// `None`: the nominal reference that was read of an axis did not accelerate more than its limit,
+/// or is not judged. `Some`: it did, and whether that stops the machine.
+fn has_accelerated<const N: usize>(input: &StepInput<N>, axis: usize) -> Option<bool> {
+    let limit = input.session.config().parameters().axes[axis].nominal_accel?;
+    let reading = input.tick.reading.as_ref()?;
+    let last = &input.session.parts().axes[axis];
+    // Core's own comparison, as above.
+    let is_beyond = on_path(input) && nominal_accelerated(last, reading.nominal[axis], limit);
+    is_beyond.then_some(limit.is_fault)
+}
+
+/// True if the path is what moves the machine in this cycle, which is the next one.
+fn on_path<const N: usize>(input: &StepInput<N>) -> bool {
+    let (tick, parts) = (&input.tick, input.session.parts());
+    tick.elapsed_cycles <= 1 && tick.reading.is_some() && !parts.off_path
 }
 
 /// The doors of the decision: it sees what was accepted, the cycle and the drives, and nothing
@@ -140,6 +158,8 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
         obtains: decision.next.phase == Phase::Obtain,
         shadow,
         stepped,
+        accelerated: array::from_fn(|axis| has_accelerated(input, axis).is_some()),
+        on_path: on_path(input),
         holds,
     };
     assert!(ordered == expected, "T9: ordered is what is decided");
@@ -211,6 +231,8 @@ pub fn axes_act_by_themselves<const N: usize>(
             target: accepted.targets[axis],
             nominal: if order.holds { own.nominal } else { nominal },
             nominal_stepped: order.stepped[axis],
+            nominal_accelerated: order.accelerated[axis],
+            on_path: order.on_path,
             actual,
         };
         assert!(reached.0 == own, "T1: an axis acts from its own state");

@@ -77,11 +77,12 @@ prop_compose! {
     fn axis()(
         [position, velocity, torque] in [any_limits(), any_limits(), any_limits()],
         [nominal_lower_nm, nominal_upper_nm, machine_lower_nm, machine_upper_nm] in any::<[i64; 4]>(),
-        nominal_step_nm: u32, agitation_nm_per_tick in prop_oneof![Just(0), 0..2_000_000_u32, any::<u32>()],
+        nominal_step_nm: u32, nominal_accel_nm in prop_oneof![Just(0), any::<u32>()], nominal_accel_is_fault: u8,
+        agitation_nm_per_tick in prop_oneof![Just(0), 0..2_000_000_u32, any::<u32>()],
     ) -> gt_axis_config {
         gt_axis_config {
             position, velocity, torque, nominal_lower_nm, nominal_upper_nm, machine_lower_nm, machine_upper_nm, nominal_step_nm,
-            agitation_nm_per_tick,
+            nominal_accel_nm, agitation_nm_per_tick, nominal_accel_is_fault,
         }
     }
 }
@@ -121,6 +122,10 @@ fn configuration<const N: usize>() -> impl Strategy<Value = gt_server_config> {
                     machine_lower_nm: axis.machine_travel.lower.0,
                     machine_upper_nm: axis.machine_travel.upper.0,
                     nominal_step_nm: axis.nominal_step_nm,
+                    nominal_accel_nm: axis.nominal_accel.map_or(0, |limit| limit.nm.get()),
+                    nominal_accel_is_fault: axis
+                        .nominal_accel
+                        .map_or(0, |limit| limit.is_fault.into()),
                     agitation_nm_per_tick: axis
                         .agitation
                         .map_or(0, |budget| budget.nm_per_tick.get()),

@@ -27,11 +27,12 @@ prop_compose! {
 prop_compose! {
     fn machine()(
         rates in uniform2(uniform3(rates())), reach in uniform2(uniform2(prop_oneof![0..1_000_000_u32, any::<u32>()])), nominal_step in uniform2(any::<u16>()),
+        nominal_accel in uniform2(option::of((prop_oneof![0..200_u16, any::<u16>()], any::<bool>()))),
         agitation in uniform2(option::of(prop_oneof![0..9_u16, any::<u16>()])),
         budget in option::of((any::<u8>(), 0..20_u8)), echo_window in 0..3_u8,
         handshake_ticks in prop_oneof![0..20_u8, any::<u8>()], lockstep in prop::bool::weighted(0.1),
     ) -> Machine {
-        Machine { rates, reach, nominal_step, agitation, budget, echo_window, handshake_ticks, lockstep }
+        Machine { rates, reach, nominal_step, nominal_accel, agitation, budget, echo_window, handshake_ticks, lockstep }
     }
 }
 

@@ -14,6 +14,7 @@ fn bits_without_a_name_are_no_flags() {
         AxisFlags::VELOCITY_LIMITED,
         AxisFlags::TORQUE_LIMITED,
         AxisFlags::NOMINAL_STEP,
+        AxisFlags::NOMINAL_ACCEL,
     ];
     let mut all = AxisFlags::default();
     for flag in named {

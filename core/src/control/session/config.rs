@@ -1,6 +1,7 @@
 //! Configuration of a session, validated once.
 
 use core::fmt;
+use core::num::NonZeroU32;
 
 use crate::control::agitation::AgitationBudget;
 use crate::control::channel::Limits;
@@ -61,23 +62,23 @@ pub struct AxisConfig {
     pub agitation: Option<AgitationBudget>,
 }
 
-/// Limit of the second difference `|n(k) - 2 n(k-1) + n(k-2)|` of the nominal reference. Only ticks
-/// on time are looked at, of which the two last were read and are on the path: after a start, a
-/// skipped cycle, a failed reading or a hold it begins anew.
+/// Limit of the second difference `|n(k) - 2 n(k-1) + n(k-2)|` of the nominal reference. Judged if
+/// ticks `k` and `k-1` were on time, were read, and began on the path: after a start, a skipped
+/// cycle, a failed reading or a hold two ticks pass first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct NominalAccel {
     /// The limit, nm per tick².
-    pub nm: u32,
-    /// Beyond it the server stops, as beyond the step; otherwise it is flagged, and passed on.
+    pub nm: NonZeroU32,
+    /// True: beyond it the server stops, as beyond the step. False: it is flagged and passed on.
     pub is_fault: bool,
 }
 
 impl AxisConfig {
-    /// An axis with position offsets only, without limit of the nominal acceleration and agitation budget. Its machine travel is wider
-    /// than `nominal_travel` by `M`.
+    /// An axis with position offsets only, without limit of the nominal acceleration and without
+    /// agitation budget. Its machine travel is wider than `nominal_travel` by `M`.
     #[must_use]
     pub const fn position_only(
         position: Limits<OffsetNm>,

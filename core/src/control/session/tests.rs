@@ -16,6 +16,7 @@ use crate::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 
 mod agitation;
 mod invariant;
+mod nominal_accel;
 
 const OTHER: Connection = Connection(2);
 

@@ -1,12 +1,14 @@
 //! Configuration and start of a server.
 
+use core::num::NonZeroU32;
+
 use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::MotorMap;
 use gantry_tau_core::control::message::{AxisLimits, Capabilities};
 use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, ConfigError, MissBudget, Parameters, Travel,
+    AxisConfig, Config, ConfigError, MissBudget, NominalAccel, Parameters, Travel,
 };
 use gantry_tau_core::control::session::{Session, Start};
 use gantry_tau_core::units::{
@@ -57,10 +59,15 @@ pub struct gt_axis_config {
     pub machine_upper_nm: i64,
     /// Largest change of the nominal reference per tick, nm. 0: it must not move.
     pub nominal_step_nm: u32,
+    /// Largest second difference of the nominal reference, nm per tick^2, of two ticks on time; more
+    /// sets GT_FLAG_NOMINAL_ACCEL. 0: it is not looked at.
+    pub nominal_accel_nm: u32,
     /// Agitation budget: second differences of the position offset that can go on for ever, nm per
     /// tick; a thousand times as much at once ends the session (GT_CAUSE_AGITATED). At most
     /// 1000000; 0: no budget.
     pub agitation_nm_per_tick: u32,
+    /// Not 0: more than nominal_accel_nm stops the machine, as more than nominal_step_nm does.
+    pub nominal_accel_is_fault: u8,
 }
 
 /// Configuration of a server. gt_server_config_thesis fills one.
@@ -143,7 +150,7 @@ padded! {
     gt_limits { max step accel ramp }
     gt_axis_config {
         position velocity torque nominal_lower_nm nominal_upper_nm machine_lower_nm machine_upper_nm nominal_step_nm
-        agitation_nm_per_tick
+        nominal_accel_nm agitation_nm_per_tick nominal_accel_is_fault
     }
     gt_server_config {
         axes motors axis_of_motor black_box_ticks cycle_us handshake_ticks kinematics_checksum capabilities echo_window
@@ -188,7 +195,9 @@ impl gt_axis_config {
         machine_lower_nm: -2_000_000,
         machine_upper_nm: 2_000_000,
         nominal_step_nm: 0,
+        nominal_accel_nm: 0,
         agitation_nm_per_tick: 0,
+        nominal_accel_is_fault: 0,
     };
 
     pub(crate) fn checked(&self, axis: usize) -> Reply<AxisConfig> {
@@ -201,6 +210,10 @@ impl gt_axis_config {
             nominal_travel: travel(self.nominal_lower_nm, self.nominal_upper_nm),
             machine_travel: travel(self.machine_lower_nm, self.machine_upper_nm),
             nominal_step_nm: self.nominal_step_nm,
+            nominal_accel: NonZeroU32::new(self.nominal_accel_nm).map(|nm| NominalAccel {
+                nm,
+                is_fault: self.nominal_accel_is_fault != 0,
+            }),
             agitation: AgitationBudget::new(self.agitation_nm_per_tick),
         })
     }

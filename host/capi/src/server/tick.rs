@@ -25,13 +25,16 @@ pub const GT_FLAG_VELOCITY_LIMITED: u8 = 4;
 pub const GT_FLAG_TORQUE_LIMITED: u8 = 8;
 /// The nominal reference stepped further than nominal_step_nm.
 pub const GT_FLAG_NOMINAL_STEP: u8 = 16;
+/// The nominal reference accelerated more than nominal_accel_nm.
+pub const GT_FLAG_NOMINAL_ACCEL: u8 = 32;
 
 const _: () = assert!(
     GT_FLAG_TRAVEL == AxisFlags::TRAVEL.bits()
         && GT_FLAG_POSITION_LIMITED == AxisFlags::POSITION_LIMITED.bits()
         && GT_FLAG_VELOCITY_LIMITED == AxisFlags::VELOCITY_LIMITED.bits()
         && GT_FLAG_TORQUE_LIMITED == AxisFlags::TORQUE_LIMITED.bits()
-        && GT_FLAG_NOMINAL_STEP == AxisFlags::NOMINAL_STEP.bits(),
+        && GT_FLAG_NOMINAL_STEP == AxisFlags::NOMINAL_STEP.bits()
+        && GT_FLAG_NOMINAL_ACCEL == AxisFlags::NOMINAL_ACCEL.bits(),
     "the flags are core's"
 );
 

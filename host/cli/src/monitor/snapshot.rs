@@ -155,12 +155,13 @@ impl AxisSnapshot {
 }
 
 /// Names of flags, in the order of their bits.
-const FLAGS: [(AxisFlags, &str); 5] = [
+const FLAGS: [(AxisFlags, &str); 6] = [
     (AxisFlags::TRAVEL, "clamped"),
     (AxisFlags::POSITION_LIMITED, "position_limited"),
     (AxisFlags::VELOCITY_LIMITED, "velocity_limited"),
     (AxisFlags::TORQUE_LIMITED, "torque_limited"),
     (AxisFlags::NOMINAL_STEP, "nominal_step"),
+    (AxisFlags::NOMINAL_ACCEL, "nominal_accel"),
 ];
 
 fn flag_names(bits: u8) -> Vec<&'static str> {

@@ -1,9 +1,11 @@
 //! Checks of a robot file, one per section.
 
+use std::num::NonZeroU32;
+
 use gantry_tau_core::control::agitation::AgitationBudget;
 use gantry_tau_core::control::channel::{LimitValues, Limits, LimitsError};
 use gantry_tau_core::control::message::AxisLimits;
-use gantry_tau_core::control::session::config::{AxisConfig, Travel};
+use gantry_tau_core::control::session::config::{AxisConfig, NominalAccel, Travel};
 use gantry_tau_core::model::linalg::rotation_deviation;
 use gantry_tau_core::model::load_filter::{MAX_FREQUENCY, MAX_NOTCHES};
 use gantry_tau_core::model::sensor::{MAX_LEVER_M, MAX_WEIGHT_N, NOTCH_Q};
@@ -74,7 +76,8 @@ fn axis<const N: usize>(
     problems: &mut Problems,
 ) -> Option<AxisConfig> {
     let limits = axis_limits(axes, index, problems);
-    let step_nm = nominal_step_nm(axes, index, problems);
+    let step_nm = positive_nm("nominal_step_um", &axes.nominal_step_um, index, problems);
+    let accel = nominal_accel(axes, index, problems);
     let agitation = agitation(axes, index, problems);
     let machine_travel = travel("machine_travel_m", &axes.machine_travel_m, index, problems);
     let nominal_travel = travel("nominal_travel_m", &axes.nominal_travel_m, index, problems);
@@ -82,7 +85,8 @@ fn axis<const N: usize>(
         limits: limits?,
         nominal_travel: nominal_travel?,
         machine_travel: machine_travel?,
-        nominal_step_nm: step_nm?,
+        nominal_step_nm: step_nm?.get(),
+        nominal_accel: accel?,
         agitation: agitation?,
     };
     let AxisConfig {
@@ -168,20 +172,37 @@ fn position<const N: usize>(
     })
 }
 
-fn nominal_step_nm<const N: usize>(
+fn positive_nm<const N: usize>(
+    key: &str,
+    values_um: &Each<f64, N>,
+    index: usize,
+    problems: &mut Problems,
+) -> Option<NonZeroU32> {
+    let key = axis_key(key, index);
+    let nm = problems.keep(whole_nm(&key, pick(values_um, index, f64::NAN)))?;
+    let nm = u32::try_from(nm).ok().and_then(NonZeroU32::new);
+    if nm.is_none() {
+        problems.add(key, "must be positive");
+    }
+    nm
+}
+
+/// Reads the limit of the nominal acceleration; `Some(None)` without one.
+fn nominal_accel<const N: usize>(
     axes: &Axes<N>,
     index: usize,
     problems: &mut Problems,
-) -> Option<u32> {
-    let key = axis_key("nominal_step_um", index);
-    let step_um = pick(&axes.nominal_step_um, index, f64::NAN);
-    match u32::try_from(problems.keep(whole_nm(&key, step_um))?) {
-        Ok(step_nm @ 1..) => Some(step_nm),
-        _ => {
-            problems.add(key, "must be positive");
-            None
+) -> Option<Option<NominalAccel>> {
+    let is_fault = axes.nominal_accel_is_fault;
+    let Some(values) = &axes.nominal_accel_um else {
+        if is_fault && index == 0 {
+            let reason = "needs nominal_accel_um, of which it says what more does";
+            problems.add("axes.nominal_accel_is_fault", reason);
         }
-    }
+        return Some(None);
+    };
+    let nm = positive_nm("nominal_accel_um", values, index, problems)?;
+    Some(Some(NominalAccel { nm, is_fault }))
 }
 
 /// Reads the agitation budget; `Some(None)` without one. At a cycle of 1 ms, 1 µm/s is 1 nm per tick.

@@ -101,6 +101,11 @@ pub(super) struct Axes<const N: usize> {
     pub(super) machine_travel_m: Each<[f64; 2], N>,
     pub(super) metres_per_q: Each<f64, N>,
     pub(super) nominal_step_um: Each<f64, N>,
+    /// Largest second difference of the nominal reference, whole nanometres; absent: it is not
+    /// looked at.
+    pub(super) nominal_accel_um: Option<Each<f64, N>>,
+    #[serde(default)]
+    pub(super) nominal_accel_is_fault: bool,
     pub(super) position: Position<N>,
     pub(super) velocity: Velocity<N>,
     pub(super) torque: Torque<N>,

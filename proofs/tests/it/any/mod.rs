@@ -1,5 +1,7 @@
 //! Strategies: any value of a type, small and huge alike.
 
+use std::num::NonZeroU32;
+
 use gantry_tau_core::control::agitation::{Agitation, AgitationBudget};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
@@ -7,7 +9,7 @@ use gantry_tau_core::control::message::{
     AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
 };
 use gantry_tau_core::control::session::config::{
-    AxisConfig, Config, MissBudget, Parameters, Travel,
+    AxisConfig, Config, MissBudget, NominalAccel, Parameters, Travel,
 };
 use gantry_tau_core::control::session::{
     Connection, Event, LastWrite, Reading, Session, TickInput,
@@ -104,10 +106,18 @@ pub(crate) fn axis_of(limits: AxisLimits, reach: u32, nominal_step_nm: u32) -> A
 prop_compose! {
     pub(crate) fn axis_config()(
         limits in axis_limits(), reach in prop_oneof![0..1_000_000_u32, any::<u32>()], step in 0..5_000_u32,
-        agitation in option::of(agitation_budget()),
+        nominal_accel in option::of(nominal_accel()), agitation in option::of(agitation_budget()),
     ) -> AxisConfig {
-        AxisConfig { agitation, ..axis_of(limits, reach, step) }
+        AxisConfig { nominal_accel, agitation, ..axis_of(limits, reach, step) }
     }
+}
+
+fn nominal_accel() -> impl Strategy<Value = NominalAccel> {
+    let nm = prop_oneof![1..5_000_u32, 1..=u32::MAX];
+    (nm, any::<bool>()).prop_map(|(nm, is_fault)| NominalAccel {
+        nm: NonZeroU32::new(nm).unwrap(),
+        is_fault,
+    })
 }
 
 pub(crate) fn agitation_budget() -> impl Strategy<Value = AgitationBudget> {
@@ -335,16 +345,20 @@ pub(crate) fn order<const N: usize>() -> impl Strategy<Value = Order<N>> {
         action(),
         any::<bool>(),
         option::of(action()),
-        uniform(any::<bool>()),
-        any::<bool>(),
+        uniform::<_, N>(any::<[bool; 2]>()),
+        any::<[bool; 2]>(),
     )
-        .prop_map(|(action, obtains, shadow, stepped, holds)| Order {
-            action,
-            obtains,
-            shadow,
-            stepped,
-            holds,
-        })
+        .prop_map(
+            |(action, obtains, shadow, faults, [on_path, holds])| Order {
+                action,
+                obtains,
+                shadow,
+                stepped: faults.map(|[stepped, _]| stepped),
+                accelerated: faults.map(|[_, accelerated]| accelerated),
+                on_path,
+                holds,
+            },
+        )
 }
 
 pub(crate) fn fate() -> impl Strategy<Value = Fate> {
@@ -414,8 +428,9 @@ fn action() -> impl Strategy<Value = Action> {
 
 prop_compose! {
     pub(crate) fn axis_command()(
-        action in action(), obtains: bool, shadow in option::of(action()), target in offsets(), nominal: i64, nominal_stepped: bool,
+        action in action(), obtains: bool, shadow in option::of(action()), target in offsets(), nominal: i64,
+        [nominal_stepped, nominal_accelerated, on_path] in any::<[bool; 3]>(),
     ) -> AxisCommand {
-        AxisCommand { action, obtains, shadow, target, nominal: PositionNm(nominal), nominal_stepped, actual: Actual::ZERO }
+        AxisCommand { action, obtains, shadow, target, nominal: PositionNm(nominal), nominal_stepped, nominal_accelerated, on_path, actual: Actual::ZERO }
     }
 }

@@ -8,7 +8,7 @@ use super::Seed;
 use super::bytes::{Put, fields, seeds, variants};
 
 fields!(Scenario: machine, in_force, late_in_life, ops);
-fields!(Machine: rates, reach, nominal_step, agitation, budget, echo_window, handshake_ticks, lockstep);
+fields!(Machine: rates, reach, nominal_step, nominal_accel, agitation, budget, echo_window, handshake_ticks, lockstep);
 fields!(Rates: max, ramp, step, accel, scale);
 fields!(Circumstances: elapsed, stop, rearm, unread, jump, epoch, quit);
 
@@ -59,6 +59,7 @@ const MACHINE: Machine = {
         rates: [[position, push, push], [position, off, off]],
         reach: [[1_000_000; 2], [400_000, 1_000_000]],
         nominal_step: [2_000, 3_000],
+        nominal_accel: [None; 2],
         agitation: [None; 2],
         budget: None,
         echo_window: 0,
@@ -205,6 +206,9 @@ pub(crate) fn seeds() -> Vec<Seed> {
             answers(true, 1)]);
         "nominal_moves" => scenario(MACHINE, [vec![Op::Drift([100, -100])], obtained(&[Op::Silence(3)])].concat());
         "nominal_steps" => usual(&[Op::Drift([101, 0]), answers(true, 2), Op::Silence(40)]);
+        "nominal_accelerates" => scenario(Machine { nominal_accel: [Some((999, false)), Some((999, true))], ..MACHINE }, obtained(&[
+            Op::Drift([50, 0]), answers(true, 3), Op::Drift([-50, 0]), answers(true, 2), elapsed(2), Op::Drift([0, 50]), Op::Silence(1),
+            answers(true, 2), Op::RefusedWrite([[10, 0, 0]; 2]), Op::Drift([-50, 34]), Op::Silence(40)]));
         "nominal_jumps_out_of_travel" => usual(&[Op::Tick(Circumstances { jump: Some(i64::MIN), ..TICK }), Op::Silence(5)]);
         "one_in_four_lost" => scenario(Machine { budget: Some((9, 2)), ..MACHINE }, obtained(&[Op::Silence(1), answers(true, 3),
             Op::Silence(1), answers(true, 3), Op::Silence(1), answers(true, 3)]));

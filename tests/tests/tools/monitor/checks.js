@@ -6,7 +6,7 @@ function crisis(status) {
     ...status.axes[0], nominal_nm: -1234567890, lag_nm: -12345600,
     offset: { position_nm: -1999999, velocity_um_s: -2000000, torque_permille: -1000 },
     actual: { position_nm: -1234567890, velocity_um_s: -2000000, torque_permille: -1000 },
-    flags: ["clamped", "position_limited", "velocity_limited", "torque_limited", "nominal_step"],
+    flags: ["clamped", "position_limited", "velocity_limited", "torque_limited", "nominal_step", "nominal_accel"],
   };
   return {
     ...status, phase: "safe_disconnect", cause: "handshake_timeout", tick: 1234567890, epoch: 1234, rows_lost: true,

@@ -21,6 +21,7 @@ fn snapshot(axes: usize) -> Snapshot {
         "velocity_limited",
         "torque_limited",
         "nominal_step",
+        "nominal_accel",
     ];
     let axis = AxisSnapshot {
         nominal_nm: -1_234_567_890,
@@ -140,7 +141,7 @@ fn the_screen_fits_and_leaves_out_nothing_but_old_events() {
             "-2000.000",
             "-100.0",
             "position limited",
-            "nominal step",
+            "nominal step, nominal accel",
             "quick stop, quick stop, quick stop",
             "force -1234.5 -1234.5 -1234.5 N",
             "-1234.50 N m",

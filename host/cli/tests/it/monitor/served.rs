@@ -126,12 +126,13 @@ fn printed(state: &State<3>, [phase, cause]: [&str; 2]) -> Value {
 }
 
 fn printed_axis(axis: &AxisState) -> Value {
-    const FLAGS: [&str; 5] = [
+    const FLAGS: [&str; 6] = [
         "clamped",
         "position_limited",
         "velocity_limited",
         "torque_limited",
         "nominal_step",
+        "nominal_accel",
     ];
     let flags: Vec<&str> = FLAGS
         .into_iter()
