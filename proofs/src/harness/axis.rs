@@ -47,4 +47,5 @@ harnesses! {
         let (before, after): (Offsets, Offsets) = (kani::any(), kani::any());
         axis::reference_moves_no_further(&any_axis(), kani::any(), (&before, &after));
     }
+    nominal_accel_is_flagged_exactly [minisat, unwind 5] { axis::acceleration_is_exact(kani::any(), kani::any()); }
 }

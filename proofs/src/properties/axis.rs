@@ -3,10 +3,10 @@
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisLimits, AxisState};
-use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM};
+use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM, NominalAccel};
 use gantry_tau_core::units::{ChannelUnit, PositionNm};
 use gantry_tau_core::verification::control::{
-    Action, Axis, AxisChannels, AxisCommand, drive_reference,
+    Action, Axis, AxisChannels, AxisCommand, drive_reference, nominal_accelerated,
 };
 
 /// Limits of the three channels of an axis.
@@ -189,5 +189,31 @@ pub fn reference_moves_no_further(
     assert!(
         no_further,
         "T3: no further than nominal and offset together"
+    );
+}
+
+/// A nominal reference accelerated more than its limit exactly if its second difference is beyond
+/// it, by wider integers: three in a row, `|nominal| <= 2^61` nm. Without a change before, never.
+pub fn acceleration_is_exact(places: [PositionNm; 3], limit: NominalAccel) {
+    if !places.into_iter().all(is_bounded) {
+        return;
+    }
+    let [before, last, now] = places.map(|place| place.0);
+    let mut axis = Axis {
+        nominal: PositionNm(last),
+        nominal_change: Some(last - before),
+        ..Axis::default()
+    };
+    let [before, last, wide_now] = [before, last, now].map(i128::from);
+    let second_difference = wide_now - 2 * last + before;
+    let is_beyond = second_difference.unsigned_abs() > limit.nm.get().into();
+    assert!(
+        nominal_accelerated(&axis, PositionNm(now), limit) == is_beyond,
+        "T3: beyond the limit exactly if the second difference is"
+    );
+    axis.nominal_change = None;
+    assert!(
+        !nominal_accelerated(&axis, PositionNm(now), limit),
+        "T3: nothing is judged after an interruption"
     );
 }

@@ -124,6 +124,22 @@ proptest! {
     }
 
     #[test]
+    fn one_acceleration_of_the_path(
+        from in -(1_i64 << 61)..=1 << 61, change in -10_000_i64..10_000, second_difference in -10_000_i64..10_000, far: i64,
+        limit in any::nominal_accel(),
+    ) {
+        let last = from.saturating_add(change);
+        for now in [far, last.saturating_add(change).saturating_add(second_difference)] {
+            axis::acceleration_is_exact([from, last, now].map(PositionNm), limit);
+        }
+        let nm = i64::from(limit.nm.get());
+        for second_difference in [nm, nm + 1, -nm, -nm - 1] {
+            let now = last.saturating_add(change).saturating_add(second_difference);
+            axis::acceleration_is_exact([from, last, now].map(PositionNm), limit);
+        }
+    }
+
+    #[test]
     fn one_agitated_tick(
         before in any::agitation(), budget in any::agitation_budget(), far: (i32, i32), near in (-300..300_i32, -300..300_i32),
         refilled in prop_oneof![0..1_000_000_u64, any::<u64>()], slack in 0..3_u64,

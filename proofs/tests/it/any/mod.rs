@@ -112,7 +112,7 @@ prop_compose! {
     }
 }
 
-fn nominal_accel() -> impl Strategy<Value = NominalAccel> {
+pub(crate) fn nominal_accel() -> impl Strategy<Value = NominalAccel> {
     let nm = prop_oneof![1..5_000_u32, 1..=u32::MAX];
     (nm, any::<bool>()).prop_map(|(nm, is_fault)| NominalAccel {
         nm: NonZeroU32::new(nm).unwrap(),
@@ -250,6 +250,13 @@ fn agitation_of(config: &AxisConfig) -> impl Strategy<Value = Agitation> + use<>
     agitation().prop_map(move |sum| if counts { sum } else { Agitation::ZERO })
 }
 
+/// Any change of the nominal reference under a limit of its change, and none without.
+fn nominal_change_of(config: &AxisConfig) -> impl Strategy<Value = Option<i64>> + use<> {
+    let counts = config.nominal_accel.is_some();
+    let change = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()];
+    option::of(change).prop_map(move |change| change.filter(|_| counts))
+}
+
 /// An axis whose channels and shadow are within their limits.
 fn axis_within(
     config: AxisConfig,
@@ -259,16 +266,20 @@ fn axis_within(
         axis_channels(config.limits),
         axis_channels(config.limits),
         nominal.prop_map(PositionNm),
+        nominal_change_of(&config),
         actual(),
         agitation_of(&config),
     )
-        .prop_map(|(channels, shadow, nominal, actual, agitation)| Axis {
-            channels,
-            shadow,
-            nominal,
-            actual,
-            agitation,
-        })
+        .prop_map(
+            |(channels, shadow, nominal, nominal_change, actual, agitation)| Axis {
+                channels,
+                shadow,
+                nominal,
+                nominal_change,
+                actual,
+                agitation,
+            },
+        )
 }
 
 prop_compose! {
