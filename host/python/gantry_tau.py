@@ -69,7 +69,7 @@ VERSION, SUITE = 2, 0        # Of the protocol; of the trailer, a checksum.
 LOCKSTEP = 1                 # The only capability that is assigned.
 SILENCE_S = 3.0              # Time without a frame after which the server has vanished.
 CEILING_NM = 10_000_000      # Largest position offset that is ever asked for, even if the server allows more.
-FLAGS_END = 1 << 5           # Flags of an axis are below it.
+FLAGS_END = 1 << 6           # Flags of an axis are below it.
 GOODBYE_STATES = 100         # Live States after a Goodbye in which the server may still not have received it.
 FIRST_SAMPLE_STATES = 3_000  # States to wait for the first usable force sample: idle readers that hold the places of the port are dropped by then.
 PRIORITY = 40                # With --realtime: below the server, which may run on the same computer.
@@ -118,7 +118,7 @@ class State(NamedTuple):
     actual_nm: tuple            # measured position
     actual_velocity_um_s: tuple
     actual_torque_permille: tuple
-    flags: tuple                # bit 0 clamped to the travel, bit 1 limited by step or accel, bit 4 the nominal stepped too far
+    flags: tuple                # bit 0 clamped to the travel, bit 1 limited by step or accel, bit 4 the nominal stepped too far, bit 5 it accelerated too much
 
 
 class Report(NamedTuple):

@@ -779,3 +779,58 @@ fn masses_come_from_their_section_the_tool_and_the_motors() {
     assert_eq!(masses.damping_ratio.to_bits(), 0.02_f64.to_bits());
     assert!(masses.has_weight);
 }
+
+#[test]
+fn the_limit_of_the_nominal_acceleration() {
+    let keys = "nominal_accel_um = [20.0, 20.0, 20.0]";
+    let parsed = |keys_now: &str| {
+        let text = L2_TEXT.replace(keys, keys_now);
+        AnyRobotFile::parse("x.toml", &text).map(|file| match file {
+            AnyRobotFile::L2(file) => file.limits[1].nominal_accel,
+            AnyRobotFile::F1(_) => unreachable!("the file is of an L2"),
+        })
+    };
+    for (keys_now, expected) in [
+        ("", None),
+        (keys, Some((20_000, false))),
+        (
+            "nominal_accel_um = [20.0, 0.001, 20.0]\nnominal_accel_is_fault = true",
+            Some((1, true)),
+        ),
+    ] {
+        let found = parsed(keys_now).unwrap();
+        let found = found.map(|limit| (limit.nm.get(), limit.is_fault));
+        assert_eq!(found, expected, "{keys_now}");
+    }
+    for (keys_now, key, reason) in [
+        (
+            "nominal_accel_um = [20.0, 0.0, 20.0]",
+            "axes.nominal_accel_um[1]",
+            "must be positive",
+        ),
+        (
+            "nominal_accel_um = [20.0, -1.0, 20.0]",
+            "axes.nominal_accel_um[1]",
+            "must be positive",
+        ),
+        (
+            "nominal_accel_um = [20.0, 0.0005, 20.0]",
+            "axes.nominal_accel_um[1]",
+            "whole number",
+        ),
+        (
+            "nominal_accel_um = [20.0, 20.0]",
+            "axes.nominal_accel_um",
+            "3 axes",
+        ),
+        (
+            "nominal_accel_is_fault = true",
+            "axes.nominal_accel_is_fault",
+            "needs nominal_accel_um",
+        ),
+    ] {
+        let error = parsed(keys_now).unwrap_err();
+        assert_eq!(error.key, key, "{error}");
+        assert!(error.reason.contains(reason), "{error}");
+    }
+}

@@ -1,6 +1,7 @@
 //! Log lines for the rows of a server, written outside its cycle, once per event.
 
 mod losses;
+mod path;
 mod strangers;
 
 use gantry_tau_core::control::message::{Cause, Counters, Phase};
@@ -9,6 +10,7 @@ use crate::plant::{DriveState, PlantFailure};
 use crate::record::TickRecord;
 use crate::record::{Event, EventKind};
 pub use losses::Losses;
+use path::Path;
 use strangers::Strangers;
 
 /// Describes a failure of the machine: its reason, and the axes whose drives do not follow.
@@ -56,6 +58,7 @@ pub struct EventLog {
     failed_again: u64,
     latch: Latch,
     strangers: Strangers,
+    path: Path,
     /// The last session had a command, or was stopped; before the first one, the ramp of an earlier
     /// server.
     has_acted: bool,
@@ -73,6 +76,7 @@ impl Default for EventLog {
             failed_again: 0,
             latch: Latch::Written,
             strangers: Strangers::default(),
+            path: Path::default(),
             has_acted: true,
             grant: None,
         }
@@ -132,6 +136,7 @@ impl EventLog {
         self.plant_failed = row.plant_failed;
         self.log_latch(tick, row.latch_lost);
         self.log_counters(tick, &state.counters);
+        self.path.see(row);
         events
     }
 
