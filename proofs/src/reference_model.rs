@@ -519,9 +519,8 @@ impl<const N: usize> ReferenceModel<N> {
         let accelerated = std::array::from_fn(|axis| {
             let limit = self.parameters.axes[axis].nominal_accel;
             limit.zip(before).is_some_and(|(limit, before)| {
-                let last = change(before[axis], self.nominal[axis]);
-                let now = change(self.nominal[axis], reading.nominal[axis].0);
-                is_on_path && now.abs_diff(last) > limit.nm.get().into()
+                let places = [before[axis], self.nominal[axis], reading.nominal[axis].0];
+                is_on_path && second_difference(places) > limit.nm.get().into()
             })
         });
         let is_fault = (0..N).any(|axis| {
@@ -684,9 +683,12 @@ fn offsets(points: &[Point; 3]) -> Offsets {
     }
 }
 
-/// Change of a nominal reference, cut to 64 bits: exact for positions within 2^61 nm.
-fn change(from: i64, to: i64) -> i128 {
-    (i128::from(to) - i128::from(from)).clamp(i64::MIN.into(), i64::MAX.into())
+/// Magnitude of the second difference of three nominal references, nm. Of 64 bits the lowest, which
+/// are all that there are of positions within 2^61 nm.
+fn second_difference(places: [i64; 3]) -> u64 {
+    let [before, last, now] = places.map(i128::from);
+    let wrapped = (now - 2 * last + before).rem_euclid(1 << 64);
+    u64::try_from(wrapped.min((1 << 64) - wrapped)).unwrap_or(u64::MAX)
 }
 
 fn apply<const N: usize>(

@@ -29,14 +29,12 @@ pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycl
 }
 
 /// Comparison of the second difference of a nominal reference with its limit, of any machine at
-/// once: an unknown bit of the arguments. Without a change before there is no second difference.
+/// once: an unknown bit of the arguments.
 #[must_use]
 pub fn nominal_accelerated(axis: &Axis, to: PositionNm, limit: NominalAccel) -> bool {
     let limit = i64::from(limit.nm.get()).rotate_left(32);
-    axis.nominal_change.is_some_and(|change| {
-        let mixed = axis.nominal.0 ^ to.0.rotate_left(16) ^ limit ^ change.rotate_left(48);
-        mixed.rotate_right(BIT.load(Ordering::Relaxed)) & 1 == 1
-    })
+    let places = axis.nominal.0 ^ to.0.rotate_left(16) ^ axis.nominal_before.0.rotate_left(48);
+    (places ^ limit).rotate_right(BIT.load(Ordering::Relaxed)) & 1 == 1
 }
 
 /// Chooses the byte that [`checksum`] depends on, and a key.

@@ -172,6 +172,8 @@ pub struct Parts<const N: usize> {
     /// a refused write or a failed read. It ends when the path is within its step limit of them;
     /// until then they stand.
     pub off_path: bool,
+    /// In the last tick the axes moved along the path, on time.
+    pub paced: bool,
     /// Values in force at the drives when the last tick began, as far as known.
     #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub in_force: [InForce; N],
@@ -218,6 +220,7 @@ impl<const N: usize> Session<N> {
             axes,
             withheld: false,
             off_path: true,
+            paced: false,
             in_force: start.in_force,
             cause,
             late: false,
@@ -394,6 +397,7 @@ impl<const N: usize> Session<N> {
         let known = Known {
             withheld: parts.withheld,
             off_path: parts.off_path,
+            paced: parts.paced,
             refused,
         };
         let outcome = Outcome {
@@ -404,6 +408,7 @@ impl<const N: usize> Session<N> {
             decision,
             fsm,
             off_path,
+            paced,
         } = step(
             self.config.parameters(),
             &mut parts.discrete,
@@ -414,6 +419,7 @@ impl<const N: usize> Session<N> {
             outcome,
         );
         parts.off_path = off_path;
+        parts.paced = paced;
         parts.counters = diagnostics.counters;
         parts.update_diagnostics(&before, &decision, &fsm, diagnostics.late);
         count_flags(&mut parts.counters, &output.state.axes);

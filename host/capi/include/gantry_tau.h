@@ -103,16 +103,16 @@
 #define GT_BLACK_BOX_TICKS 64
 
 // Bytes of a server with 3 axes and no black box, on any target.
-#define GT_SERVER_SIZE_3 8192
+#define GT_SERVER_SIZE_3 8448
 
 // Bytes of a server with 6 axes and no black box.
-#define GT_SERVER_SIZE_6 11520
+#define GT_SERVER_SIZE_6 12032
 
 // Bytes of a server with 3 axes and a black box.
 #define GT_SERVER_SIZE_3_BLACK_BOX 387328
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 581376
+#define GT_SERVER_SIZE_6_BLACK_BOX 582656
 
 // Largest distance of a drive from what gt_start says is in force, nm.
 #define GT_START_WINDOW_NM 1000000
@@ -134,6 +134,9 @@
 
 // The nominal reference stepped further than nominal_step_nm.
 #define GT_FLAG_NOMINAL_STEP 16
+
+// The nominal reference accelerated more than nominal_accel_nm.
+#define GT_FLAG_NOMINAL_ACCEL 32
 
 // The switch or button is released.
 #define GT_RELEASED 1
@@ -650,10 +653,15 @@ typedef struct gt_axis_config {
   int64_t machine_upper_nm;
   // Largest change of the nominal reference per tick, nm. 0: it must not move.
   uint32_t nominal_step_nm;
+  // Largest second difference of the nominal reference, nm per tick^2, of two ticks on time; more
+  // sets GT_FLAG_NOMINAL_ACCEL. 0: it is not looked at.
+  uint32_t nominal_accel_nm;
   // Agitation budget: second differences of the position offset that can go on for ever, nm per
   // tick; a thousand times as much at once ends the session (GT_CAUSE_AGITATED). At most
   // 1000000; 0: no budget.
   uint32_t agitation_nm_per_tick;
+  // Not 0: more than nominal_accel_nm stops the machine, as more than nominal_step_nm does.
+  uint8_t nominal_accel_is_fault;
 } gt_axis_config;
 
 // Configuration of a server. gt_server_config_thesis fills one.

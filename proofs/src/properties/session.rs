@@ -4,7 +4,7 @@
 use core::array;
 
 use gantry_tau_core::control::axis::Offsets;
-use gantry_tau_core::control::message::{AxisState, ClientMessage, Phase};
+use gantry_tau_core::control::message::{AxisFlags, AxisState, ClientMessage, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{
     Event, Input, LastWrite, Output, Session, Start, TickInput,
@@ -114,12 +114,13 @@ fn has_accelerated<const N: usize>(input: &StepInput<N>, axis: usize) -> Option<
     let reading = input.tick.reading.as_ref()?;
     let last = &input.session.parts().axes[axis];
     // Core's own comparison, as above.
-    let is_beyond = on_path(input) && nominal_accelerated(last, reading.nominal[axis], limit);
+    let two_paced = input.session.parts().paced && is_paced(input);
+    let is_beyond = two_paced && nominal_accelerated(last, reading.nominal[axis], limit);
     is_beyond.then_some(limit.is_fault)
 }
 
 /// True if the path is what moves the machine in this cycle, which is the next one.
-fn on_path<const N: usize>(input: &StepInput<N>) -> bool {
+fn is_paced<const N: usize>(input: &StepInput<N>) -> bool {
     let (tick, parts) = (&input.tick, input.session.parts());
     tick.elapsed_cycles <= 1 && tick.reading.is_some() && !parts.off_path
 }
@@ -138,6 +139,7 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     let known = Known {
         withheld: parts.withheld,
         off_path: parts.off_path,
+        paced: parts.paced,
         refused: input.refused,
     };
     let (decision, complete, ordered) = order(
@@ -152,14 +154,20 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     assert!(complete == fsm, "T9: the decision sees what is known");
     let shadow = shadow_of(decision.next.phase, &fsm);
     let holds = tick.reading.is_none() || parts.off_path && fsm.nominal_fault;
-    let stepped = array::from_fn(|axis| has_stepped(input, axis));
+    let nominal_flags = array::from_fn(|axis| {
+        AxisFlags::default()
+            .with(AxisFlags::NOMINAL_STEP, has_stepped(input, axis))
+            .with(
+                AxisFlags::NOMINAL_ACCEL,
+                has_accelerated(input, axis).is_some(),
+            )
+    });
     let expected = Order {
         action: decision.action,
         obtains: decision.next.phase == Phase::Obtain,
         shadow,
-        stepped,
-        accelerated: array::from_fn(|axis| has_accelerated(input, axis).is_some()),
-        on_path: on_path(input),
+        nominal_flags,
+        paced: is_paced(input),
         holds,
     };
     assert!(ordered == expected, "T9: ordered is what is decided");
@@ -230,9 +238,7 @@ pub fn axes_act_by_themselves<const N: usize>(
             shadow: order.shadow,
             target: accepted.targets[axis],
             nominal: if order.holds { own.nominal } else { nominal },
-            nominal_stepped: order.stepped[axis],
-            nominal_accelerated: order.accelerated[axis],
-            on_path: order.on_path,
+            nominal_flags: order.nominal_flags[axis],
             actual,
         };
         assert!(reached.0 == own, "T1: an axis acts from its own state");

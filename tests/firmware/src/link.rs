@@ -7,6 +7,7 @@ use core::mem::MaybeUninit;
 use cortex_m::singleton;
 use gantry_tau_core::control::message::{Capabilities, Phase};
 use gantry_tau_core::control::monitor::{Monitor, Violation};
+use gantry_tau_core::control::session::Output;
 use gantry_tau_core::units::PositionNm;
 
 use crate::board::timer::Ticks;
@@ -119,11 +120,11 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
         }
         tcp.flush();
         tcp.ticked();
-        if let Err(broken) = check(&mut monitor, machine, &motors) {
+        if let Err(broken) = check(&mut monitor, machine.server().output(), &motors) {
             broken_ticks = broken_ticks.saturating_add(1);
             defmt::error!("broken={}", broken);
         }
-        if let Some(output) = machine.output() {
+        if let Some(output) = machine.server().output() {
             log.note(output);
             for (_, refusal) in &output.refusals {
                 defmt::info!("tick={=u64} refused={}", output.state.tick.0, refusal);
@@ -147,10 +148,10 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
 /// Checks State and references of the last tick, from outside of the session.
 fn check(
     monitor: &mut Monitor<AXES>,
-    machine: &Machine,
+    output: Option<&Output<AXES>>,
     motors: &MotorReferences,
 ) -> Result<(), Broken> {
-    let (Some(output), Some(motors)) = (machine.output(), motors) else {
+    let (Some(output), Some(motors)) = (output, motors) else {
         return Err(Broken::Withheld);
     };
     monitor

@@ -8,7 +8,6 @@ mod ingress_budget;
 mod machine;
 mod recording;
 mod replay;
-mod session_log;
 
 use board::host;
 use board::timer::Ticks;

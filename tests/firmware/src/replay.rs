@@ -16,7 +16,6 @@ use crate::board::timer::Ticks;
 use crate::board::{clock, copy, stack};
 use crate::machine::{AXES, ControlCycle, Machine, Meter, Part, Parts};
 use crate::recording::{self, Observer, Room, Sink, Source};
-use crate::session_log::SessionLog;
 
 /// Plays. Returns true if all went well; logs the reason otherwise.
 pub(crate) fn run(ticks: Ticks) -> bool {
@@ -56,7 +55,6 @@ pub(crate) fn run(ticks: Ticks) -> bool {
         file: laps,
         since: 0,
         cycles: [0; 3],
-        log: SessionLog::new(),
         is_written: true,
     };
     let to_start = stack::high_water();
@@ -128,13 +126,12 @@ impl Sink for Buffered {
     }
 }
 
-/// Measures the parts of every cycle, and logs the session.
+/// Measures the parts of every cycle.
 struct Laps {
     ticks: Ticks,
     file: File,
     since: u32,
     cycles: [u32; 3],
-    log: SessionLog,
     is_written: bool,
 }
 
@@ -168,12 +165,9 @@ impl Observer for Laps {
         self.ticks.wait();
     }
 
-    fn ticked(&mut self, machine: &Machine, _: &[Connection]) {
+    fn ticked(&mut self, _: &Machine, _: &[Connection]) {
         for cycles in core::mem::take(&mut self.cycles) {
             self.is_written &= self.file.write_all(&cycles.to_le_bytes());
-        }
-        if let Some(output) = machine.output() {
-            self.log.note(output);
         }
     }
 }

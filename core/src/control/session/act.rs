@@ -21,9 +21,8 @@ pub struct Axis {
     pub shadow: AxisChannels,
     /// Nominal reference of the last tick.
     pub nominal: PositionNm,
-    /// Its change in that tick, nm, if the tick was on time and on the path, and the acceleration
-    /// has a limit.
-    pub nominal_change: Option<i64>,
+    /// Nominal reference of the tick before.
+    pub nominal_before: PositionNm,
     /// Last measurements of the drive; reported only.
     pub actual: Actual,
     /// Agitation of the position offset in Obtain.
@@ -45,12 +44,8 @@ pub struct AxisCommand {
     pub target: Offsets,
     /// Nominal reference of this tick.
     pub nominal: PositionNm,
-    /// The nominal reference is further from the last one than its limit.
-    pub nominal_stepped: bool,
-    /// Its second difference is beyond its limit.
-    pub nominal_accelerated: bool,
-    /// The tick is on time and on the path.
-    pub on_path: bool,
+    /// Flags of the nominal reference that was read.
+    pub nominal_flags: AxisFlags,
     /// Measurements of the drive.
     pub actual: Actual,
 }
@@ -58,8 +53,7 @@ pub struct AxisCommand {
 impl Axis {
     /// The invariant, clause by clause: channels and shadow are valid under their limits; before
     /// Obtain the channels rest at zero (T6); outside Submit the shadow rests at zero; outside
-    /// Obtain, and without a budget, there is no agitation; without a limit of the nominal
-    /// acceleration no change is kept.
+    /// Obtain, and without a budget, there is no agitation.
     #[must_use]
     pub fn is_valid(&self, phase: Phase, config: &AxisConfig) -> bool {
         let limits = &config.limits;
@@ -70,7 +64,6 @@ impl Axis {
             && (phase == Phase::Submit || self.shadow.is_at_rest_at_zero())
             && (phase == Phase::Obtain && config.agitation.is_some()
                 || self.agitation == Agitation::ZERO)
-            && (config.nominal_accel.is_some() || self.nominal_change.is_none())
     }
 
     /// True if the agitation is beyond its budget.
@@ -135,10 +128,7 @@ impl Axis {
                 Agitation::ZERO
             };
         }
-        if config.nominal_accel.is_some() {
-            let change = command.nominal.0.saturating_sub(self.nominal.0);
-            self.nominal_change = command.on_path.then_some(change);
-        }
+        self.nominal_before = self.nominal;
         self.nominal = command.nominal;
         self.actual = command.actual;
         // In Submit it is the shadow that approaches its target.
@@ -161,9 +151,7 @@ impl Axis {
             offsets,
             shadow,
             actual: command.actual,
-            flags: AxisFlags(limited.0 | clamped.0)
-                .with(AxisFlags::NOMINAL_STEP, command.nominal_stepped)
-                .with(AxisFlags::NOMINAL_ACCEL, command.nominal_accelerated),
+            flags: AxisFlags(limited.0 | clamped.0 | command.nominal_flags.0),
         };
         reference
     }
@@ -199,16 +187,14 @@ pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycl
     from.0.abs_diff(to.0) > limit
 }
 
-/// True if the second difference of an axis' nominal reference is beyond its limit, in a tick on
-/// time and on the path after another.
+/// True if the second difference of an axis' nominal reference is beyond its limit.
 #[inline]
 #[must_use]
 pub fn nominal_accelerated(axis: &Axis, to: PositionNm, limit: NominalAccel) -> bool {
-    // Exact for positions within 2^61: no difference saturates.
-    axis.nominal_change.is_some_and(|last| {
-        let change = to.0.saturating_sub(axis.nominal.0);
-        change.abs_diff(last) > u64::from(limit.nm.get())
-    })
+    // Exact for positions within 2^61; whatever goes beyond has stepped.
+    let change = to.0.wrapping_sub(axis.nominal.0);
+    let last = axis.nominal.0.wrapping_sub(axis.nominal_before.0);
+    change.wrapping_sub(last).unsigned_abs() > u64::from(limit.nm.get())
 }
 
 #[cfg(test)]
@@ -268,7 +254,7 @@ mod tests {
             let found = |[before, last, now]: [i64; 3]| {
                 let axis = Axis {
                     nominal: PositionNm(last),
-                    nominal_change: Some(last - before),
+                    nominal_before: PositionNm(before),
                     ..Axis::default()
                 };
                 nominal_accelerated(&axis, PositionNm(now), limit)

@@ -9,7 +9,7 @@ use super::fsm::{Action, Decision, FsmInput, FsmState, Rules, decide};
 use super::ingress::Accepted;
 use super::io::TickInput;
 use crate::control::axis::{Actual, Reference};
-use crate::control::message::{AxisState, Phase};
+use crate::control::message::{AxisFlags, AxisState, Phase};
 use crate::units::PositionNm;
 use crate::zip::{each, zip};
 
@@ -21,6 +21,8 @@ pub(super) struct Step {
     pub(super) fsm: FsmInput,
     /// The axes were held at the nominal references in force.
     pub(super) off_path: bool,
+    /// The axes moved along the path, on time.
+    pub(super) paced: bool,
 }
 
 /// Outcome of a step at the axes.
@@ -38,6 +40,8 @@ pub struct Known {
     pub withheld: bool,
     /// The nominal references in force need not be those of the path.
     pub off_path: bool,
+    /// In the last tick the axes moved along the path, on time.
+    pub paced: bool,
     /// The references of the last tick were not taken.
     pub refused: bool,
 }
@@ -76,6 +80,7 @@ pub(super) fn step<const N: usize>(
         decision,
         fsm,
         off_path: order.holds,
+        paced: order.paced,
     }
 }
 
@@ -89,12 +94,10 @@ pub struct Order<const N: usize> {
     pub obtains: bool,
     /// Action of the shadows; `None`: they rest at zero.
     pub shadow: Option<Action>,
-    /// Axes whose nominal reference is further from the last one than its limit.
-    pub stepped: [bool; N],
-    /// Axes whose nominal reference accelerated more than its limit.
-    pub accelerated: [bool; N],
-    /// The tick is on time and on the path.
-    pub on_path: bool,
+    /// Flags of the nominal reference of each axis.
+    pub nominal_flags: [AxisFlags; N],
+    /// The axes move along the path, on time.
+    pub paced: bool,
     /// The nominal references in force stand.
     pub holds: bool,
 }
@@ -108,18 +111,13 @@ pub fn order<const N: usize>(
     tick: &TickInput<N>,
     accepted: &Accepted<N>,
 ) -> (Decision, FsmInput, Order<N>) {
-    let stepped = all_nominal_stepped(parameters, axes, tick);
-    // Of a tick after one that was held, the change is not one of the path.
-    let on_path = tick.cycles() == 1 && tick.reading.is_some() && !known.off_path;
-    let (accelerated, accel_fault) = if on_path {
-        all_nominal_accelerated(parameters, axes, tick)
-    } else {
-        ([false; N], false)
-    };
+    // From what was held to the path is no way along it.
+    let paced = tick.cycles() == 1 && tick.reading.is_some() && !known.off_path;
+    let (nominal_flags, nominal_fault) =
+        judge_nominal(parameters, axes, tick, known.paced && paced);
     // Unknown values in force do not count as zero.
     let zero = all_zero(axes) && !known.withheld;
     let agitated = is_agitated(parameters, axes);
-    let nominal_fault = accel_fault || each(&stepped).any(|stepped| *stepped);
     let fsm = complete(accepted.fsm, known, zero, agitated, tick, nominal_fault);
     // All axes together: some of them moved and some not could be a pose that the machine does not
     // have.
@@ -137,9 +135,8 @@ pub fn order<const N: usize>(
             action: decision.action,
             obtains: decision.next.phase == Phase::Obtain,
             shadow,
-            stepped,
-            accelerated,
-            on_path,
+            nominal_flags,
+            paced,
             holds,
         },
     )
@@ -183,9 +180,7 @@ fn command<const N: usize>(
         shadow: order.shadow,
         target: *accepted.targets.get(index)?,
         nominal,
-        nominal_stepped: *order.stepped.get(index)?,
-        nominal_accelerated: *order.accelerated.get(index)?,
-        on_path: order.on_path,
+        nominal_flags: *order.nominal_flags.get(index)?,
         actual,
     })
 }
@@ -210,57 +205,38 @@ fn reading<const N: usize>(
     Some((nominal, *reading.actual.get(index)?))
 }
 
-/// Axes whose nominal references moved further than they may.
-fn all_nominal_stepped<const N: usize>(
+/// Flags of the nominal references that were read, and whether one of them stops the machine. Their
+/// second differences are looked at if two ticks were paced.
+fn judge_nominal<const N: usize>(
     parameters: &Parameters<N>,
     axes: &[Axis; N],
     tick: &TickInput<N>,
-) -> [bool; N] {
-    let mut stepped = [false; N];
+    two_paced: bool,
+) -> ([AxisFlags; N], bool) {
+    let (mut all_flags, mut is_fault) = ([AxisFlags::default(); N], false);
     let Some(reading) = &tick.reading else {
-        return stepped;
+        return (all_flags, is_fault);
     };
     let cycles = tick.cycles();
     for index in 0..N {
         // Every array has N elements.
-        if let (Some(stepped), Some(axis), Some(to), Some(config)) = (
-            stepped.get_mut(index),
+        if let (Some(flags), Some(axis), Some(to), Some(config)) = (
+            all_flags.get_mut(index),
             axes.get(index),
             reading.nominal.get(index),
             parameters.axes.get(index),
         ) {
-            *stepped = nominal_stepped(axis.nominal, *to, config, cycles);
+            let stepped = nominal_stepped(axis.nominal, *to, config, cycles);
+            let exceeded = config
+                .nominal_accel
+                .filter(|limit| two_paced && nominal_accelerated(axis, *to, *limit));
+            *flags = flags
+                .with(AxisFlags::NOMINAL_STEP, stepped)
+                .with(AxisFlags::NOMINAL_ACCEL, exceeded.is_some());
+            is_fault |= stepped || exceeded.is_some_and(|limit| limit.is_fault);
         }
     }
-    stepped
-}
-
-/// Returns the axes whose nominal references accelerated more than they may, and whether one of
-/// them stops for it.
-fn all_nominal_accelerated<const N: usize>(
-    parameters: &Parameters<N>,
-    axes: &[Axis; N],
-    tick: &TickInput<N>,
-) -> ([bool; N], bool) {
-    let (mut accelerated, mut is_fault) = ([false; N], false);
-    let Some(reading) = &tick.reading else {
-        return (accelerated, is_fault);
-    };
-    for index in 0..N {
-        // Every array has N elements.
-        if let (Some(accelerated), Some(axis), Some(to), Some(config)) = (
-            accelerated.get_mut(index),
-            axes.get(index),
-            reading.nominal.get(index),
-            parameters.axes.get(index),
-        ) {
-            if let Some(limit) = config.nominal_accel {
-                *accelerated = nominal_accelerated(axis, *to, limit);
-                is_fault |= *accelerated && limit.is_fault;
-            }
-        }
-    }
-    (accelerated, is_fault)
+    (all_flags, is_fault)
 }
 
 /// The only constructor of a complete input: accepted events, and the tick's own.

@@ -6,7 +6,8 @@ use gantry_tau_core::control::agitation::{Agitation, AgitationBudget};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
 use gantry_tau_core::control::channel::{Channel, LimitValues, Limits};
 use gantry_tau_core::control::message::{
-    AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode, Phase,
+    AxisFlags, AxisLimits, Capabilities, Cause, ClientMessage, Command, Counters, Hello, Mode,
+    Phase,
 };
 use gantry_tau_core::control::session::config::{
     AxisConfig, Config, MissBudget, NominalAccel, Parameters, Travel,
@@ -250,13 +251,6 @@ fn agitation_of(config: &AxisConfig) -> impl Strategy<Value = Agitation> + use<>
     agitation().prop_map(move |sum| if counts { sum } else { Agitation::ZERO })
 }
 
-/// Any change of the nominal reference under a limit of its change, and none without.
-fn nominal_change_of(config: &AxisConfig) -> impl Strategy<Value = Option<i64>> + use<> {
-    let counts = config.nominal_accel.is_some();
-    let change = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()];
-    option::of(change).prop_map(move |change| change.filter(|_| counts))
-}
-
 /// An axis whose channels and shadow are within their limits.
 fn axis_within(
     config: AxisConfig,
@@ -266,16 +260,16 @@ fn axis_within(
         axis_channels(config.limits),
         axis_channels(config.limits),
         nominal.prop_map(PositionNm),
-        nominal_change_of(&config),
+        prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()].prop_map(PositionNm),
         actual(),
         agitation_of(&config),
     )
         .prop_map(
-            |(channels, shadow, nominal, nominal_change, actual, agitation)| Axis {
+            |(channels, shadow, nominal, nominal_before, actual, agitation)| Axis {
                 channels,
                 shadow,
                 nominal,
-                nominal_change,
+                nominal_before,
                 actual,
                 agitation,
             },
@@ -300,9 +294,10 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
             any::<bool>(),
             prop::bool::weighted(0.2),
             prop::bool::weighted(0.3),
+            prop::bool::weighted(0.8),
         );
         (discrete, axes, uniform(in_force()), flags).prop_map(
-            move |(discrete, axes, in_force, (late, withheld, off_path))| {
+            move |(discrete, axes, in_force, (late, withheld, off_path, paced))| {
                 let resting = matches!(
                     discrete.phase,
                     Phase::Listening | Phase::Handshake | Phase::Submit
@@ -330,6 +325,7 @@ pub(crate) fn session<const N: usize>() -> impl Strategy<Value = Session<N>> {
                     withheld: withheld
                         && matches!(discrete.phase, Phase::SafeDisconnect | Phase::Fault),
                     off_path,
+                    paced,
                     in_force,
                     cause: Cause::None,
                     late,
@@ -351,22 +347,25 @@ pub(crate) fn axes_in_force<const N: usize>() -> impl Strategy<Value = [InForce;
     uniform(in_force())
 }
 
+fn flags() -> impl Strategy<Value = AxisFlags> {
+    (0..=AxisFlags::ALL.bits()).prop_map(|bits| AxisFlags::from_bits(bits).unwrap())
+}
+
 pub(crate) fn order<const N: usize>() -> impl Strategy<Value = Order<N>> {
     (
         action(),
         any::<bool>(),
         option::of(action()),
-        uniform::<_, N>(any::<[bool; 2]>()),
+        uniform::<_, N>(flags()),
         any::<[bool; 2]>(),
     )
         .prop_map(
-            |(action, obtains, shadow, faults, [on_path, holds])| Order {
+            |(action, obtains, shadow, nominal_flags, [paced, holds])| Order {
                 action,
                 obtains,
                 shadow,
-                stepped: faults.map(|[stepped, _]| stepped),
-                accelerated: faults.map(|[_, accelerated]| accelerated),
-                on_path,
+                nominal_flags,
+                paced,
                 holds,
             },
         )
@@ -440,8 +439,8 @@ fn action() -> impl Strategy<Value = Action> {
 prop_compose! {
     pub(crate) fn axis_command()(
         action in action(), obtains: bool, shadow in option::of(action()), target in offsets(), nominal: i64,
-        [nominal_stepped, nominal_accelerated, on_path] in any::<[bool; 3]>(),
+        nominal_flags in flags(),
     ) -> AxisCommand {
-        AxisCommand { action, obtains, shadow, target, nominal: PositionNm(nominal), nominal_stepped, nominal_accelerated, on_path, actual: Actual::ZERO }
+        AxisCommand { action, obtains, shadow, target, nominal: PositionNm(nominal), nominal_flags, actual: Actual::ZERO }
     }
 }
