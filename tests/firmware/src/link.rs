@@ -120,11 +120,11 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
         }
         tcp.flush();
         tcp.ticked();
-        if let Err(broken) = check(&mut monitor, machine.server().output(), &motors) {
+        if let Err(broken) = check(&mut monitor, machine.output(), &motors) {
             broken_ticks = broken_ticks.saturating_add(1);
             defmt::error!("broken={}", broken);
         }
-        if let Some(output) = machine.server().output() {
+        if let Some(output) = machine.output() {
             log.note(output);
             for (_, refusal) in &output.refusals {
                 defmt::info!("tick={=u64} refused={}", output.state.tick.0, refusal);

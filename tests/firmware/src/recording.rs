@@ -13,7 +13,7 @@
 
 use gantry_tau_core::control::axis::InForce;
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Transport};
-use gantry_tau_core::control::session::{Connection, LastWrite, Reading};
+use gantry_tau_core::control::session::{Connection, LastWrite, Output, Reading};
 use gantry_tau_core::heapless::Vec;
 use gantry_tau_core::model::compensation::Correction;
 use gantry_tau_core::units::PositionNm;
@@ -66,8 +66,8 @@ pub(crate) trait Observer: Meter {
     fn wait(&mut self) {}
     /// Called after the float part.
     fn computed(&mut self, _: &CycleResult<'_>) {}
-    /// Called after the tick, with the connections that it closes.
-    fn ticked(&mut self, machine: &Machine, closed: &[Connection]);
+    /// Called after the tick, with its output, and the connections that it closes.
+    fn ticked(&mut self, output: Option<&Output<AXES>>, closed: &[Connection]);
 }
 
 /// Memory of a playback: a record, and the input of the cycle. Static, so that the stack is left to
@@ -192,7 +192,7 @@ fn serve(
         // There is room for all that can be open.
         closed.push(connection).unwrap_or(());
     }
-    observer.ticked(machine, &closed);
+    observer.ticked(machine.output(), &closed);
 }
 
 /// Reads a record; the input of a cycle into the room.

@@ -8,7 +8,7 @@ use core::mem::MaybeUninit;
 
 use cortex_m::singleton;
 use gantry_tau_core::control::message::Capabilities;
-use gantry_tau_core::control::session::Connection;
+use gantry_tau_core::control::session::{Connection, Output};
 use gantry_tau_core::units::PositionNm;
 
 use crate::board::host::File;
@@ -165,7 +165,7 @@ impl Observer for Laps {
         self.ticks.wait();
     }
 
-    fn ticked(&mut self, _: &Machine, _: &[Connection]) {
+    fn ticked(&mut self, _: Option<&Output<AXES>>, _: &[Connection]) {
         for cycles in core::mem::take(&mut self.cycles) {
             self.is_written &= self.file.write_all(&cycles.to_le_bytes());
         }

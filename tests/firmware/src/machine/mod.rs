@@ -14,7 +14,7 @@ use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Write};
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{
-    BlackBox, Connection, LastWrite, Reading, Session, Start, TickInput,
+    BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
 };
 use gantry_tau_core::units::{EpochRange, PositionNm};
 
@@ -185,6 +185,11 @@ impl Machine {
     /// Returns the endpoint: to open, feed and close connections, and to poll frames.
     pub(crate) const fn server(&mut self) -> &mut Server {
         &mut self.server
+    }
+
+    /// Returns the output of the last tick; `None` before the first.
+    pub(crate) const fn output(&self) -> Option<&Output<AXES>> {
+        self.server.output()
     }
 
     /// Runs the float half of a cycle. After an error of the kinematics the nominal positions stay.

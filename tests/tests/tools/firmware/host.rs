@@ -5,12 +5,12 @@ use std::mem::MaybeUninit;
 use std::path::Path;
 
 use gantry_tau_core::control::message::{Capabilities, Phase};
-use gantry_tau_core::control::session::Connection;
+use gantry_tau_core::control::session::{Connection, Output};
 use gantry_tau_core::model::nalgebra::Matrix3;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_machine::robot_file::RobotFile;
 
-use super::machine::{ControlCycle, CycleResult, Machine, Meter, Parts, robots};
+use super::machine::{AXES, ControlCycle, CycleResult, Machine, Meter, Parts, robots};
 use super::recording::{self, MAX_RECORD, Observer, Record, Room, Sink, Source};
 use super::traffic;
 
@@ -101,9 +101,8 @@ impl Observer for Seen {
         });
     }
 
-    fn ticked(&mut self, machine: &Machine, _: &[Connection]) {
-        let output = machine.output().unwrap();
-        self.phases.push(output.state.phase);
+    fn ticked(&mut self, output: Option<&Output<AXES>>, _: &[Connection]) {
+        self.phases.push(output.unwrap().state.phase);
     }
 }
 

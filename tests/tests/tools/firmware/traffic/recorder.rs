@@ -53,7 +53,7 @@ impl Observer for Seen {
         };
     }
 
-    fn ticked(&mut self, _: &Machine, closed: &[Connection]) {
+    fn ticked(&mut self, _: Option<&Output<AXES>>, closed: &[Connection]) {
         self.closed = closed.to_vec();
     }
 }
