@@ -41,6 +41,7 @@ static const gt_axis_config f1_limits[F1_AXES] = {
         .nominal_lower_nm = 200000000, .nominal_upper_nm = 3000000000,
         .machine_lower_nm = 190000000, .machine_upper_nm = 3010000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
     },
     {
         .position = {.max = 4000000, .step = 20000, .accel = 40000, .ramp = 100},
@@ -49,6 +50,7 @@ static const gt_axis_config f1_limits[F1_AXES] = {
         .nominal_lower_nm = 200000000, .nominal_upper_nm = 3000000000,
         .machine_lower_nm = 190000000, .machine_upper_nm = 3010000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
     },
     {
         .position = {.max = 4000000, .step = 20000, .accel = 40000, .ramp = 100},
@@ -57,6 +59,7 @@ static const gt_axis_config f1_limits[F1_AXES] = {
         .nominal_lower_nm = 200000000, .nominal_upper_nm = 3000000000,
         .machine_lower_nm = 190000000, .machine_upper_nm = 3010000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
     },
     {
         .position = {.max = 4000000, .step = 20000, .accel = 40000, .ramp = 100},
@@ -65,6 +68,7 @@ static const gt_axis_config f1_limits[F1_AXES] = {
         .nominal_lower_nm = -40000000, .nominal_upper_nm = 40000000,
         .machine_lower_nm = -45000000, .machine_upper_nm = 45000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
     },
     {
         .position = {.max = 4000000, .step = 20000, .accel = 40000, .ramp = 100},
@@ -73,6 +77,7 @@ static const gt_axis_config f1_limits[F1_AXES] = {
         .nominal_lower_nm = -40000000, .nominal_upper_nm = 40000000,
         .machine_lower_nm = -45000000, .machine_upper_nm = 45000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
     },
     {
         .position = {.max = 4000000, .step = 20000, .accel = 40000, .ramp = 100},
@@ -81,6 +86,7 @@ static const gt_axis_config f1_limits[F1_AXES] = {
         .nominal_lower_nm = -40000000, .nominal_upper_nm = 40000000,
         .machine_lower_nm = -45000000, .machine_upper_nm = 45000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
     },
 };
 

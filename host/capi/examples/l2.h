@@ -39,6 +39,7 @@ static const gt_axis_config l2_limits[L2_AXES] = {
         .nominal_lower_nm = -500000000, .nominal_upper_nm = 2000000000,
         .machine_lower_nm = -510000000, .machine_upper_nm = 2010000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
         .agitation_nm_per_tick = 100,
     },
     {
@@ -48,6 +49,7 @@ static const gt_axis_config l2_limits[L2_AXES] = {
         .nominal_lower_nm = -2000000000, .nominal_upper_nm = 500000000,
         .machine_lower_nm = -2010000000, .machine_upper_nm = 510000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
         .agitation_nm_per_tick = 100,
     },
     {
@@ -57,6 +59,7 @@ static const gt_axis_config l2_limits[L2_AXES] = {
         .nominal_lower_nm = -500000000, .nominal_upper_nm = 2000000000,
         .machine_lower_nm = -510000000, .machine_upper_nm = 2010000000,
         .nominal_step_nm = 2000000,
+        .nominal_accel_nm = 20000, .nominal_accel_is_fault = 0,
         .agitation_nm_per_tick = 100,
     },
 };
