@@ -227,13 +227,14 @@ fn judge_nominal<const N: usize>(
             parameters.axes.get(index),
         ) {
             let stepped = nominal_stepped(axis.nominal, *to, config, cycles);
-            let exceeded = config
-                .nominal_accel
-                .filter(|limit| two_paced && nominal_accelerated(axis, *to, *limit));
-            *flags = flags
-                .with(AxisFlags::NOMINAL_STEP, stepped)
-                .with(AxisFlags::NOMINAL_ACCEL, exceeded.is_some());
-            is_fault |= stepped || exceeded.is_some_and(|limit| limit.is_fault);
+            *flags = flags.with(AxisFlags::NOMINAL_STEP, stepped);
+            is_fault |= stepped;
+            if let Some(limit) = config.nominal_accel {
+                if two_paced && nominal_accelerated(axis, *to, limit) {
+                    *flags = flags.with(AxisFlags::NOMINAL_ACCEL, true);
+                    is_fault |= limit.is_fault;
+                }
+            }
         }
     }
     (all_flags, is_fault)
