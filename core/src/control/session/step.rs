@@ -226,9 +226,10 @@ fn judge_nominal<const N: usize>(
             reading.nominal.get(index),
             parameters.axes.get(index),
         ) {
-            let stepped = nominal_stepped(axis.nominal, *to, config, cycles);
-            *flags = flags.with(AxisFlags::NOMINAL_STEP, stepped);
-            is_fault |= stepped;
+            if nominal_stepped(axis.nominal, *to, config, cycles) {
+                *flags = flags.with(AxisFlags::NOMINAL_STEP, true);
+                is_fault = true;
+            }
             if let Some(limit) = config.nominal_accel {
                 if two_paced && nominal_accelerated(axis, *to, limit) {
                     *flags = flags.with(AxisFlags::NOMINAL_ACCEL, true);
