@@ -787,7 +787,7 @@ fn the_limit_of_the_nominal_acceleration() {
         let text = L2_TEXT.replace(keys, keys_now);
         AnyRobotFile::parse("x.toml", &text).map(|file| match file {
             AnyRobotFile::L2(file) => file.limits[1].nominal_accel,
-            AnyRobotFile::F1(_) => unreachable!("the file is of an L2"),
+            AnyRobotFile::F1(_) => panic!("the file is of an L2"),
         })
     };
     for (keys_now, expected) in [
