@@ -30,7 +30,7 @@ fn bits_without_a_name_are_no_flags() {
     assert_eq!(all, AxisFlags::ALL);
     for bits in 0..=u8::MAX {
         let read = AxisFlags::try_from(bits);
-        let expected = if bits < 32 {
+        let expected = if bits < 64 {
             Ok(bits)
         } else {
             Err(ContentError::Reserved)

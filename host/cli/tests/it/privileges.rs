@@ -26,15 +26,11 @@ fn serve(folder: &Folder, further: &[&str]) -> Running {
 /// Name of each thread of a process, with its entry of /proc.
 fn threads(server: &Running) -> Vec<(String, PathBuf)> {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", server.id())).unwrap();
-    let named = tasks.map(|task| {
+    // One that has ended meanwhile has no name any more.
+    let named = tasks.filter_map(|task| {
         let place = task.unwrap().path();
-        (
-            std::fs::read_to_string(place.join("comm"))
-                .unwrap()
-                .trim()
-                .to_owned(),
-            place,
-        )
+        let name = std::fs::read_to_string(place.join("comm")).ok()?;
+        Some((name.trim().to_owned(), place))
     });
     named.collect()
 }

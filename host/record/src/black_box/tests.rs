@@ -106,8 +106,8 @@ fn an_edited_binary_file_is_refused_with_part_and_reason() {
     );
     refused(
         &file,
-        |file| file[4] = 5,
-        "a, part 0: version is 5; this program reads version 6",
+        |file| file[4] = 6,
+        "a, part 0: version is 6; this program reads version 7",
     );
     refused(
         &file,
@@ -202,9 +202,9 @@ fn an_edited_file_is_refused_with_line_and_reason() {
         ),
         (
             1,
+            "\"version\":7",
             "\"version\":6",
-            "\"version\":5",
-            "line 1: version is 5; this program reads version 6",
+            "line 1: version is 6; this program reads version 7",
         ),
         (
             1,
