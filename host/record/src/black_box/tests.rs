@@ -73,7 +73,7 @@ fn add_part(file: &mut Vec<u8>, content: &impl serde::Serialize) {
 
 /// Returns the file that a program in C would write.
 fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
-    let mut file = b"GTBB\x06".to_vec();
+    let mut file = b"GTBB\x07".to_vec();
     file.push(u8::try_from(N).unwrap());
     file.extend(u32::try_from(window.entries.len()).unwrap().to_le_bytes());
     add_part(&mut file, &window.before);
