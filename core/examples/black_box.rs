@@ -44,6 +44,7 @@ fn run() -> Option<usize> {
         let tick = TickInput {
             elapsed_cycles: 1,
             reading: Some(reading),
+            sensor: None,
             stop: false,
             quit: false,
             rearm: false,

@@ -27,3 +27,4 @@ pub mod monitor;
 pub mod position_loop;
 pub mod session;
 pub mod wire;
+pub mod wrench;

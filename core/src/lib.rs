@@ -25,6 +25,7 @@
 //!     let write = server.tick(&TickInput {
 //!         elapsed_cycles: 1,
 //!         reading: Some(Reading::unmeasured(nominal)),
+//!         sensor: None,
 //!         stop: false,
 //!         quit: false,
 //!         rearm: false,

@@ -2,8 +2,9 @@
 //!
 //! The *reference path* (anything that can reach a drive) is integer: nanometres, µm/s, per mille
 //! of rated torque, ticks. The *float path* (kinematics, statics, compensation) is `f64` in SI
-//! units. [`PositionNm::from_metres`] and [`PositionNm::to_metres`] are the only ways across; every
-//! other conversion is built on them.
+//! units. [`PositionNm::from_nanometres`] and [`PositionNm::to_metres`] are the only ways across;
+//! every other conversion of a position is built on them. [`ForceMn`] and [`MomentUnm`] are not on the
+//! reference path: they are only told to a client.
 //!
 //! ```
 //! use gantry_tau_core::units::{CrossingError, Metres, PositionNm};
@@ -34,6 +35,10 @@ counts! {
     VelocityUmS(i32);
     /// Torque, in per mille of the drive's rated torque (as object 60B2h of CiA 402).
     TorquePermille(i16);
+    /// Force, in millinewtons (1 mN steps, ± 2 147 kN).
+    ForceMn(i32);
+    /// Moment, in micronewton metres (1 µN m steps, ± 2 147 N m).
+    MomentUnm(i32);
     /// Number of a server cycle. It never wraps: 2^64 cycles of 1 ms are 584 million years.
     Tick(u64);
     /// Number of a session. Taken from an [`EpochRange`], so that no old frame can ever match.
@@ -271,17 +276,8 @@ impl OffsetNm {
     /// [`CrossingError::NotFinite`] for NaN. Infinities are cut.
     #[inline]
     pub fn from_metres_within(value: Metres, limit: Self) -> Result<(Self, bool), CrossingError> {
-        let wanted = match PositionNm::from_metres(value) {
-            Ok(position) => position.0,
-            Err(_) if value.0 > 0.0 => i64::MAX,
-            Err(_) if value.0 < 0.0 => i64::MIN,
-            Err(error) => return Err(error),
-        };
-        let limit_nm = i64::from(limit.0.max(0));
-        let cut_nm = wanted.max(limit_nm.wrapping_neg()).min(limit_nm);
-        i32::try_from(cut_nm)
-            .map(|nm| (Self(nm), cut_nm != wanted))
-            .map_err(|_| CrossingError::OutOfRange { limit_nm })
+        let (nm, is_cut) = nearest_within(value.0 * NM_PER_METRE, limit.0)?;
+        Ok((Self(nm), is_cut))
     }
 
     /// Integer to float; total.
@@ -290,6 +286,51 @@ impl OffsetNm {
     pub fn to_metres(self) -> Metres {
         PositionNm(i64::from(self.0)).to_metres()
     }
+}
+
+/// Returns the nearest whole number, cut to at most `limit` in magnitude (a negative limit is
+/// zero), and whether it was cut.
+fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> {
+    let wanted = match PositionNm::from_nanometres(count) {
+        Ok(whole) => whole.0,
+        Err(_) if count > 0.0 => i64::MAX,
+        Err(_) if count < 0.0 => i64::MIN,
+        Err(error) => return Err(error),
+    };
+    let limit = i64::from(limit.max(0));
+    let cut = wanted.max(limit.wrapping_neg()).min(limit);
+    i32::try_from(cut)
+        .map(|whole| (whole, cut != wanted))
+        .map_err(|_| CrossingError::OutOfRange { limit_nm: limit })
+}
+
+/// Declares the crossings of a component of a wrench.
+macro_rules! components {
+    ($($name:ident, $unit:literal, $per_si:literal;)*) => {$(
+        impl $name {
+            #[doc = concat!("Float (", $unit, ") to integer: the nearest, cut to ± 2^31 - 1, and whether it was cut.")]
+            ///
+            /// # Errors
+            /// [`CrossingError::NotFinite`] for NaN. Infinities are cut.
+            #[inline]
+            pub fn from_si(value: f64) -> Result<(Self, bool), CrossingError> {
+                let (count, is_cut) = nearest_within(value * $per_si, i32::MAX)?;
+                Ok((Self(count), is_cut))
+            }
+
+            #[doc = concat!("Integer to float (", $unit, "); total.")]
+            #[inline]
+            #[must_use]
+            pub fn to_si(self) -> f64 {
+                f64::from(self.0) / $per_si
+            }
+        }
+    )*};
+}
+
+components! {
+    ForceMn, "N", 1e3;
+    MomentUnm, "N m", 1e6;
 }
 
 #[cfg(test)]

@@ -142,9 +142,9 @@ class Screen:
 
     def connect(self):
         """Starts a client."""
-        ports = [f"127.0.0.1:{self.ini.find('DEMO', key)}" for key in ("PORT", "SENSOR_PORT")]
+        server = f"127.0.0.1:{self.ini.find('DEMO', 'PORT')}"
         program = shlex.split(self.ini.find("DEMO", "GANTRY_TAU"))
-        command = [*program, "client", ports[0], "--sensor", ports[1], "--robot", self.robot]
+        command = [*program, "client", server, "--robot", self.robot]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
         return subprocess.Popen(command, **pipes)
 
@@ -207,12 +207,9 @@ class Screen:
         return 1 if count else 0
 
 
-def free_ports(count):
-    held = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    ports = [listener.getsockname()[1] for listener in held]
-    for listener in held:
-        listener.close()
-    return ports
+def free_port():
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        return held.getsockname()[1]
 
 
 def play(options):
@@ -227,9 +224,9 @@ def play(options):
     metres_per_q = keys["axes"]["metres_per_q"]
     # Carts are in mm; plates in degrees, and q in radians.
     nm = [repr(1e6 if joint < 3 else metres * 1e9 * pi / 180) for joint, metres in enumerate(metres_per_q)]
-    port, sensor_port = free_ports(2)
-    demo = f"[DEMO]\nROBOT = {robot}\nFILE = {file}\nGANTRY_TAU = {options.gantry_tau}\nPORT = {port}\nSENSOR_PORT = {sensor_port}\nNM_PER_UNIT = {' '.join(nm)}\n\n"
-    server = f"PARAMETERS = port={port} sensor_port={sensor_port} lockstep={int(not options.real)} "
+    port = free_port()
+    demo = f"[DEMO]\nROBOT = {robot}\nFILE = {file}\nGANTRY_TAU = {options.gantry_tau}\nPORT = {port}\nNM_PER_UNIT = {' '.join(nm)}\n\n"
+    server = f"PARAMETERS = port={port} lockstep={int(not options.real)} "
     changes = [("[KINS]\n", demo + "[KINS]\n"), ("PARAMETERS = ", server)]
     folder = options.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)

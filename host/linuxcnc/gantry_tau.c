@@ -35,8 +35,6 @@ static char *address = "127.0.0.1";
 RTAPI_MP_STRING(address, "IPv4 address to listen on");
 static int port = 7000;
 RTAPI_MP_INT(port, "port for the client");
-static int sensor_port = 7001;
-RTAPI_MP_INT(sensor_port, "port for readers of the force sensor");
 static int udp = 0;
 RTAPI_MP_INT(udp, "1: the client uses UDP datagrams, not a TCP stream");
 static int lockstep = 0;
@@ -189,18 +187,22 @@ static int is_stop_new(void)
     return (input.stop == GT_PRESSED || input.reading == GT_READING_FAILED) && output.state.phase != GT_PHASE_FAULT;
 }
 
-/* Publishes the sample of the force sensor. One that is not valid is not published: a client ends if none comes. */
-static void publish(void)
+/* Reads the force sensor. A sample that is not valid is none: a client ends if none comes. */
+static void measure(void)
 {
+    static const gt_wrench_sample none = {.status = GT_SAMPLE_NONE};
     static int was_number = 1;
-    double wrench[6];
+    gt_wrench wrench;
     int is_number = 1;
-    for (int i = 0; i < 6; i++) {
-        wrench[i] = *pins->wrench[i];
-        is_number &= isfinite(wrench[i]) != 0;
+    for (int i = 0; i < 3; i++) {
+        wrench.force_n[i] = *pins->wrench[i];
+        wrench.moment_nm[i] = *pins->wrench[3 + i];
+        is_number &= isfinite(wrench.force_n[i]) && isfinite(wrench.moment_nm[i]);
     }
     is_number = right(is_number || !*pins->wrench_valid, &was_number, "gantry-tau.wrench-N is not a number: no force is published");
-    sockets_publish(output.state.tick, has_wrench && *pins->wrench_valid && is_number ? wrench : NULL);
+    if (!has_wrench || !*pins->wrench_valid || !is_number || gt_wrench_sample_of(&wrench, 0, &input.sensor) != GT_CODE_OK) {
+        input.sensor = none;
+    }
 }
 
 static void receive(void)
@@ -222,6 +224,7 @@ static void tick(void)
         input.stop = GT_PRESSED;
     }
     skipped = 0;
+    measure();
     code = gt_server_tick(server, &input, &output, NULL);
     if (code != GT_CODE_OK) {
         fail("cannot tick", code);
@@ -236,8 +239,6 @@ static void tick(void)
             return;
         }
     }
-    /* Before the State of the same tick, so that a client has the sample when it answers. */
-    publish();
     while (gt_server_poll_transmit(server, &frame) == GT_CODE_OK) {
         sockets_send(&frame);
     }
@@ -352,7 +353,7 @@ static int prepare(char *error, size_t size)
         snprintf(error, size, "epoch_file is missing: give a file in storage that survives a restart");
         return -1;
     }
-    if (configure(&config, lockstep, error, size) != 0 || sockets_open(address, port, sensor_port, udp, error, size) != 0) {
+    if (configure(&config, lockstep, error, size) != 0 || sockets_open(address, port, udp, error, size) != 0) {
         return -1;
     }
     /* Last: epochs are not used up by a component that does not load. */

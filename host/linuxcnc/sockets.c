@@ -1,4 +1,4 @@
-/* Sockets of the server inside a realtime thread (sockets.h). As host/server/src/server/connections and host/server/src/links.rs have them. */
+/* Sockets of the server inside a realtime thread (sockets.h). As host/server/src/server/connections has them. */
 #include "sockets.h"
 
 #include <arpa/inet.h>
@@ -22,13 +22,7 @@ enum {
     /* Datagrams taken per visit: more than the budgets of all peers. */
     DATAGRAM_READS = 64,
     /* New connections accepted per visit. */
-    ACCEPTS = 2,
-    SENSOR_READERS = 4,
-    /* Bytes that the system keeps for a reader, as host/server/src/links/subscribers.rs. */
-    SEND_BUFFER = 128 * 1024,
-    /* Records within which a reader that reads nothing is not told from one that does, and calls after which one with so few is idle. */
-    UNPROVEN = 65536 / SENSOR_RECORD,
-    IDLE = 10000
+    ACCEPTS = 2
 };
 
 /* A peer that the server knows. A stream has a socket of its own, a sender of datagrams an address. */
@@ -43,22 +37,9 @@ struct peer {
     struct sockaddr_in address;
 };
 
-/* A reader of the force sensor; CLOSED for a free place. */
-struct reader {
-    int socket;
-    in_addr_t address;
-    uint64_t number;
-    /* Records that were sent to it, and calls that it has seen. */
-    uint64_t records, calls;
-};
-
 static int uses_datagrams;
 static int listener = CLOSED;
-static int sensor_listener = CLOSED;
 static struct peer peers[GT_MAX_CONNECTIONS];
-static struct reader sensor_readers[SENSOR_READERS] = {{.socket = CLOSED}, {.socket = CLOSED}, {.socket = CLOSED}, {.socket = CLOSED}};
-/* A reader for which there is no place yet. */
-static struct reader waiting = {.socket = CLOSED};
 /* Number of the last connection. */
 static uint64_t last_number;
 
@@ -90,38 +71,27 @@ static int bind_to(const struct sockaddr_in *at, int type)
     return bound;
 }
 
-/* As bind_to, with a sentence for the operator. Returns 0 or -1. */
-static int listen_at(int *at, const char *what, const char *address, int port, int type, char *error, size_t size)
+int sockets_open(const char *address, int port, int udp, char *error, size_t size)
 {
     struct sockaddr_in place;
+    uses_datagrams = udp;
     memset(&place, 0, sizeof place);
     place.sin_family = AF_INET;
     place.sin_port = htons((uint16_t)port);
     if (port < 1 || port > 65535) {
-        snprintf(error, size, "%s=%d is not a port, 1 to 65535", what, port);
+        snprintf(error, size, "port=%d is not a port, 1 to 65535", port);
         return -1;
     }
     if (inet_pton(AF_INET, address, &place.sin_addr) != 1) {
         snprintf(error, size, "address=%s is not an IPv4 address, such as 127.0.0.1", address);
         return -1;
     }
-    *at = bind_to(&place, type);
-    if (*at == CLOSED) {
-        snprintf(error, size, "cannot listen on %s:%d (%s): %s", address, port, what, strerror(errno));
+    listener = bind_to(&place, udp ? SOCK_DGRAM : SOCK_STREAM);
+    if (listener == CLOSED) {
+        snprintf(error, size, "cannot listen on %s:%d: %s", address, port, strerror(errno));
         return -1;
     }
     return 0;
-}
-
-int sockets_open(const char *address, int port, int sensor_port, int udp, char *error, size_t size)
-{
-    uses_datagrams = udp;
-    if (listen_at(&listener, "port", address, port, udp ? SOCK_DGRAM : SOCK_STREAM, error, size) == 0 &&
-        listen_at(&sensor_listener, "sensor_port", address, sensor_port, SOCK_STREAM, error, size) == 0) {
-        return 0;
-    }
-    sockets_shut();
-    return -1;
 }
 
 static void forget(struct peer *peer)
@@ -139,12 +109,7 @@ void sockets_shut(void)
             forget(&peers[i]);
         }
     }
-    for (int i = 0; i < SENSOR_READERS; i++) {
-        shut(&sensor_readers[i].socket);
-    }
-    shut(&waiting.socket);
     shut(&listener);
-    shut(&sensor_listener);
 }
 
 static struct peer *find(uint64_t connection)
@@ -349,139 +314,4 @@ void sockets_wait(uint64_t connection, long timeout_ns)
     struct peer *peer = find(connection);
     struct pollfd readable = {.fd = peer == NULL ? CLOSED : peer->socket, .events = POLLIN};
     (void)ppoll(&readable, 1, &timeout, NULL);
-}
-
-/* True if a reader has closed its end. What it has sent is dropped, a part at a time. */
-static int has_gone(const struct reader *reader)
-{
-    uint8_t bytes[CHUNK];
-    const ssize_t count = recv(reader->socket, bytes, sizeof bytes, 0);
-    return count == 0 || (count < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
-}
-
-static int places_of(in_addr_t address)
-{
-    int places = 0;
-    for (int i = 0; i < SENSOR_READERS; i++) {
-        places += sensor_readers[i].address == address;
-    }
-    return places;
-}
-
-/* Returns the first reader that is idle; NULL without one. */
-static struct reader *first_idle(void)
-{
-    struct reader *first = NULL;
-    for (int i = 0; i < SENSOR_READERS; i++) {
-        struct reader *reader = &sensor_readers[i];
-        const int is_idle = reader->records < UNPROVEN && reader->calls >= IDLE;
-        if (is_idle && (first == NULL || reader->number < first->number)) {
-            first = reader;
-        }
-    }
-    return first;
-}
-
-/* Returns the youngest reader of the address with the most places, if that has two more than the newcomer's; otherwise NULL. */
-static struct reader *gives_way(in_addr_t newcomer)
-{
-    struct reader *youngest = &sensor_readers[0];
-    for (int i = 1; i < SENSOR_READERS; i++) {
-        struct reader *reader = &sensor_readers[i];
-        const int more = places_of(reader->address) - places_of(youngest->address);
-        if (more > 0 || (more == 0 && reader->number > youngest->number)) {
-            youngest = reader;
-        }
-    }
-    return places_of(youngest->address) > places_of(newcomer) + 1 ? youngest : NULL;
-}
-
-/* Returns the place of a newcomer, as host/server/src/links/subscribers.rs; NULL if it has to wait. */
-static struct reader *place_for(in_addr_t newcomer)
-{
-    struct reader *given;
-    for (int i = 0; i < SENSOR_READERS; i++) {
-        if (sensor_readers[i].socket == CLOSED || has_gone(&sensor_readers[i])) {
-            return &sensor_readers[i];
-        }
-    }
-    given = first_idle();
-    return given != NULL ? given : gives_way(newcomer);
-}
-
-/* Gives a reader its place. Returns 0 if it has to wait. */
-static int seat(struct reader *newcomer)
-{
-    struct reader *place = place_for(newcomer->address);
-    if (place == NULL) {
-        return 0;
-    }
-    shut(&place->socket);
-    *place = *newcomer;
-    newcomer->socket = CLOSED;
-    return 1;
-}
-
-/* Accepts a reader. One waits at a time; behind it others that have no claim to a place are closed. */
-static void accept_reader(void)
-{
-    const int send_buffer = SEND_BUFFER;
-    struct sockaddr_in from = {.sin_family = AF_INET};
-    socklen_t size = sizeof from;
-    struct reader newcomer = {.socket = CLOSED};
-    if (waiting.socket != CLOSED && has_gone(&waiting)) {
-        shut(&waiting.socket);
-    }
-    if (waiting.socket != CLOSED && seat(&waiting)) {
-        return;
-    }
-    newcomer.socket = accept4(sensor_listener, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
-    if (newcomer.socket == CLOSED) {
-        return;
-    }
-    newcomer.address = from.sin_addr.s_addr;
-    newcomer.number = ++last_number;
-    if (!is_usable(newcomer.socket) || setsockopt(newcomer.socket, SOL_SOCKET, SO_SNDBUF, &send_buffer, sizeof send_buffer) != 0) {
-        shut(&newcomer.socket);
-    } else if (!seat(&newcomer)) {
-        if (waiting.socket == CLOSED) {
-            waiting = newcomer;
-        } else {
-            shut(&newcomer.socket);
-        }
-    }
-}
-
-/* Appends 8 bytes, little-endian. */
-static uint8_t *put(uint8_t *at, uint64_t value)
-{
-    for (int i = 0; i < 8; i++) {
-        *at++ = (uint8_t)(value >> (8 * i));
-    }
-    return at;
-}
-
-void sockets_publish(uint64_t tick, const double wrench[6])
-{
-    uint8_t record[SENSOR_RECORD];
-    uint8_t *end = put(record, tick);
-    accept_reader();
-    for (int i = 0; i < SENSOR_READERS; i++) {
-        sensor_readers[i].calls++;
-    }
-    if (wrench == NULL) {
-        return;
-    }
-    for (int i = 0; i < 6; i++) {
-        uint64_t bits;
-        memcpy(&bits, &wrench[i], sizeof bits);
-        end = put(end, bits);
-    }
-    for (int i = 0; i < SENSOR_READERS; i++) {
-        struct reader *reader = &sensor_readers[i];
-        reader->records++;
-        if (reader->socket != CLOSED && send(reader->socket, record, sizeof record, MSG_NOSIGNAL) != (ssize_t)sizeof record) {
-            shut(&reader->socket);
-        }
-    }
 }

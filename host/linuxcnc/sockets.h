@@ -11,14 +11,8 @@
 
 #include "gantry_tau.h"
 
-/* Bytes of a record of the force sensor (wire.md): tick, force, moment. */
-#define SENSOR_RECORD 56
-
-/*
- * Listens for clients on `port` (TCP, or UDP if `udp` is not 0) and for readers of the force sensor on `sensor_port` (TCP).
- * Returns 0, or -1 with one sentence in `error`; nothing is then open.
- */
-int sockets_open(const char *address, int port, int sensor_port, int udp, char *error, size_t size);
+/* Listens for clients on `port` (TCP, or UDP if `udp` is not 0). Returns 0, or -1 with one sentence in `error`; nothing is then open. */
+int sockets_open(const char *address, int port, int udp, char *error, size_t size);
 
 /* Closes every socket. */
 void sockets_shut(void);
@@ -35,9 +29,5 @@ void sockets_close(uint64_t connection);
 
 /* Waits until a connection has bytes to read, at most `timeout_ns`. For lock-step only. */
 void sockets_wait(uint64_t connection, long timeout_ns);
-
-/* Accepts at most one new reader of the force sensor and sends the record to each, or nothing if `wrench` is NULL. A reader that does not
- * keep up is dropped. docs/security.md says who makes room when all places are taken. */
-void sockets_publish(uint64_t tick, const double wrench[6]);
 
 #endif

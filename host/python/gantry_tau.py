@@ -13,8 +13,8 @@ A controller is a callable `(state, wrench) -> targets`, or an object with a met
 - `obtain`, read after each step: False asks for Submit (targets are computed and reported, no drive sees them), True, the default,
   for Obtain (the offsets act).
 
-`state` is a `State`. `wrench` is the newest record of the force sensor: force (N) and moment (N m) in the sensor's axes; None before the
-first one and without a sensor. Targets are a list, tuple or numpy array of one finite number per axis, rounded to whole nanometres and cut to
+`state` is a `State`. `wrench` is the newest sample of the server's force sensor: force (N) and moment (N m) in the sensor's axes; None before
+the first one, without a sensor, and when none has come for too long. Targets are a list, tuple or numpy array of one finite number per axis, rounded to whole nanometres and cut to
 the limits of the server, which approaches them as fast as it allows. `raise Leave` in a step ends the session in good order.
 
 A controller that fails (it raises an error, returns anything else, or does not return within `patience_s`) is never answered for: no old target
@@ -69,12 +69,12 @@ VERSION, SUITE = 2, 0        # Of the protocol; of the trailer, a checksum.
 LOCKSTEP = 1                 # The only capability that is assigned.
 SILENCE_S = 3.0              # Time without a frame after which the server has vanished.
 CEILING_NM = 10_000_000      # Largest position offset that is ever asked for, even if the server allows more.
+WRENCH_SCALE = (1e3,) * 3 + (1e6,) * 3  # mN per N, uN m per N m.
 FLAGS_END = 1 << 6           # Flags of an axis are below it.
 GOODBYE_STATES = 100         # Live States after a Goodbye in which the server may still not have received it.
-FIRST_SAMPLE_STATES = 3_000  # States to wait for the first usable force sample: idle readers that hold the places of the port are dropped by then.
+FIRST_SAMPLE_STATES = 1_000  # States to wait for the first usable force sample.
 PRIORITY = 40                # With --realtime: below the server, which may run on the same computer.
 SAMPLE_STATES = 100          # States that the last usable force sample may serve.
-SENSOR_READS = 4             # Reads of 64 KiB from the sensor per visit: more than a second of records, and a bound on what a flood costs.
 RETURN_S = 0.5               # Time in which a step that was only late returns after the end of its session; one that hangs does not.
 
 
@@ -111,6 +111,8 @@ class State(NamedTuple):
     on_time_of_100: int         # deadlines kept of the last 100
     ramp_ticks_left: int        # length of a ramp that would begin now
     arrival_us: int             # arrival of the last command after the previous State left, us; 0: not timed
+    wrench: Optional[tuple]     # force sensor, its axes: force, N, then moment, N m; None without a usable sample
+    wrench_age: int             # ticks since it was measured; 255: 255 or more
     counters: tuple             # received, missed, late, duplicate, stale, malformed, out of range, limited, clamped, non-owner
     nominal_nm: tuple           # reference of the path, without offset
     offset_nm: tuple            # offset in force
@@ -167,22 +169,21 @@ class ControllerFailed(Failure):
     exit_code = 10
 
 
-def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, states=None, patience_s=1.0, checksum=None,
+def run(controller, server="127.0.0.1:7000", *, needs_wrench=False, submit_only=False, states=None, patience_s=1.0, checksum=None,
         ceiling_nm=CEILING_NM, realtime=False):
     """Runs a controller until Ctrl-C, `Leave`, or the number of `states` is reached, and returns a `Report`; before the Welcome, Ctrl-C
     returns one without States.
 
-    `server` and `sensor` are "HOST:PORT". `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
+    `server` is "HOST:PORT". `needs_wrench`: the session ends without force samples. `submit_only`: never asks for Obtain. `checksum`: refuses a machine with another checksum of its
     kinematic parameters, the lead of its screws included (`gantry-tau header` writes it). `ceiling_nm`: largest position offset that is ever
     asked for, even if the server allows more. `realtime`: takes a real-time priority, on Linux with the right to it. Raises a `Failure` for every other end; in
     each of them the server ramps the offsets to zero by itself.
     """
     connection = None
     try:
-        # The sensor first: no session is taken from others without it.
-        with _Sensor(sensor) as force, _granted(server) as connection:
+        with _granted(server) as connection:
             connection.ceiling_nm = ceiling_nm
-            _hold(connection, force, controller, not submit_only, states, patience_s, checksum, realtime)
+            _hold(connection, _Force(needs_wrench), controller, not submit_only, states, patience_s, checksum, realtime)
     except KeyboardInterrupt:
         if connection:
             raise  # The second one, while the Goodbye was on its way.
@@ -190,11 +191,10 @@ def run(controller, server="127.0.0.1:7000", sensor=None, *, submit_only=False, 
     return Report(connection.states, connection.sequence, connection.saturated)
 
 
-def arguments(description=None, sensor=None):
+def arguments(description=None):
     """Returns a parser with the options that `main` needs, to which a controller adds its own."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("server", nargs="?", default="127.0.0.1:7000", metavar="HOST:PORT", help="address of the server")
-    parser.add_argument("--sensor", metavar="HOST:PORT", default=sensor, help="address of the force sensor")
     parser.add_argument("--submit-only", action="store_true", help="stay in Submit: no drive sees an offset")
     parser.add_argument("--realtime", action="store_true", help="take a real-time priority (Linux)")
     parser.add_argument("--states", type=int, help="leave after this number of States; without it Ctrl-C leaves")
@@ -205,7 +205,7 @@ def main(controller, options=None, **others):
     """Runs a controller as the program: options of the command line, one sentence at the end, and an exit code as of `gantry-tau client`."""
     options = options or arguments().parse_args()
     try:
-        report = run(controller, options.server, options.sensor, submit_only=options.submit_only, states=options.states,
+        report = run(controller, options.server, submit_only=options.submit_only, states=options.states,
                      realtime=options.realtime, **others)
     except Failure as failure:
         print(f"gantry_tau: {failure}", file=sys.stderr)
@@ -238,9 +238,9 @@ def _hold(connection, force, controller, may_obtain, states, patience_s, checksu
         raise
 
 
-def _answer_until_done(connection, worker, sensor, may_obtain, last_state):
+def _answer_until_done(connection, worker, force, may_obtain, last_state):
     """Answers the States of a granted session with what the controller returns; raises the reason for the end."""
-    readable = [connection.socket, worker.bell] + ([sensor.socket] if sensor.socket else [])
+    readable = [connection.socket, worker.bell]
     while True:
         # What has arrived by the time the step returned is read before its result is taken: the end of the session above all.
         done = worker.is_done()
@@ -248,8 +248,7 @@ def _answer_until_done(connection, worker, sensor, may_obtain, last_state):
         for state in connection.receive(connection.socket in ready):
             if state.phase not in LIVE:
                 raise _ended(state, worker)
-        # A record is sent before the State of its tick: in this order a State finds it read.
-        sensor.read(connection.state)
+            force.take(state)
         if done:
             targets, obtain = worker.take()
             if targets is not None:
@@ -258,7 +257,7 @@ def _answer_until_done(connection, worker, sensor, may_obtain, last_state):
             if last_state is not None and connection.states >= last_state:
                 raise Leave
         if connection.unanswered and not worker.job:
-            worker.begin(connection.state, sensor.wrench)
+            worker.begin(connection.state, force.wrench)
         worker.check_patience()
         connection.check_silence()
 
@@ -389,55 +388,24 @@ def _short(value):
     return f"{type(value).__name__} {repr(value)[:40]}"
 
 
-class _Sensor:
-    """Reads the link of the force sensor: records of 56 bytes, of which the newest counts."""
+class _Force:
+    """The newest usable force sample of the States."""
 
-    RECORD = struct.Struct("<Q6d")
+    def __init__(self, needed):
+        self.needed, self.tick, self.wrench, self.fresh_at = needed, None, None, None
 
-    def __init__(self, address):
-        self.socket = _connect(address, "force sensor") if address else None
-        self.rest, self.tick, self.wrench, self.fresh_at = b"", None, None, None
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.socket:
-            self.socket.close()
-
-    def read(self, state):
-        """Takes what has arrived. Without a usable record for long the session must end."""
-        if not self.socket:
-            return
-        self._receive()
-        end = len(self.rest) // self.RECORD.size * self.RECORD.size
-        newest = self.rest[max(0, end - SAMPLE_STATES * self.RECORD.size):end]
-        # The same record again is none, and so is one that is not finite.
-        usable = [record for record in self.RECORD.iter_unpack(newest) if record[0] != self.tick and all(map(math.isfinite, record[1:]))]
-        self.rest = self.rest[end:]
-        if usable:
-            self.tick, self.wrench = usable[-1][0], usable[-1][1:]
-        if not state:
-            return
-        if usable or self.fresh_at is None:
+    def take(self, state):
+        """Takes the sample of a State. Without a usable one for long there is none, and the session ends if it is needed."""
+        taken_at = state.tick - state.wrench_age
+        if self.fresh_at is None:
             self.fresh_at = state.tick
-        if usable and abs(self.tick - state.tick) > SAMPLE_STATES:
-            raise SensorSilent("no force samples: their ticks are not the server's; left with Goodbye")
-        if state.tick - self.fresh_at > (SAMPLE_STATES if self.wrench else FIRST_SAMPLE_STATES):
-            raise SensorSilent("no force samples: no usable one has come for too long; left with Goodbye")
-
-    def _receive(self):
-        self.socket.setblocking(False)
-        try:
-            for _ in range(SENSOR_READS):
-                data = self.socket.recv(65_536)
-                if not data:
-                    raise SensorSilent("no force samples: the connection was closed; left with Goodbye")
-                self.rest += data
-        except (BlockingIOError, InterruptedError):
-            pass
-        except OSError as error:
-            raise SensorSilent(f"no force samples: {error}; left with Goodbye") from error
+        # The same sample again is none, and so is one that is old.
+        if state.wrench and taken_at != self.tick and state.wrench_age <= SAMPLE_STATES:
+            self.tick, self.wrench, self.fresh_at = taken_at, state.wrench, state.tick
+        elif state.tick - self.fresh_at > (SAMPLE_STATES if self.wrench else FIRST_SAMPLE_STATES):
+            self.wrench = None
+            if self.needed:
+                raise SensorSilent("no force samples: no usable one has come for too long; left with Goodbye")
 
 
 class _Connection:
@@ -445,7 +413,7 @@ class _Connection:
 
     HEADER = struct.Struct("<2sBBHH")
     WELCOME = struct.Struct("<QQIBBHI")
-    STATE = struct.Struct("<QQQBBBBIH10IH")
+    STATE = struct.Struct("<QQQBBBBIH10IHBB6i")
     AXIS = struct.Struct("<qiihiihqihBB")
 
     def __init__(self, address):
@@ -557,14 +525,19 @@ class _Connection:
             raise Vanished(f"the server vanished: {reason}") from None
 
     def _parsed(self, body):
-        tick, epoch, accepted, phase, cause, axes, on_time, ramp, arrival, *counters = self.STATE.unpack_from(body)
+        tick, epoch, accepted, phase, cause, axes, on_time, ramp, arrival, *rest = self.STATE.unpack_from(body)
+        counters, (sensor, age, *components) = rest[:11], rest[11:]
         if axes != self.welcome.axes or phase >= len(PHASES) or cause >= len(CAUSES):
             raise Incompatible(f"incompatible server: a State has {axes} axes, phase {phase}, cause {cause}")
+        if sensor not in (0, 1, 3) or sensor == 0 and (age, any(components)) != (0, False):
+            raise Incompatible(f"incompatible server: a State has a sensor with bits {sensor}, age {age}, components {components}")
         rows = list(self.AXIS.iter_unpack(body[self.STATE.size:]))
         nominal, offset, _, _, shadow, _, _, actual, velocity, torque, flags, reserved = zip(*rows)
         if any(reserved) or any(axis >= FLAGS_END for axis in flags):
             raise Incompatible(f"incompatible server: a State has flags {flags} and reserved bytes {reserved}")
-        return State(tick, epoch, accepted, PHASES[phase], CAUSES[cause], on_time, ramp, arrival, tuple(counters),
+        # A component that was cut to its range is no measurement.
+        wrench = tuple(value / scale for value, scale in zip(components, WRENCH_SCALE)) if sensor == 1 else None
+        return State(tick, epoch, accepted, PHASES[phase], CAUSES[cause], on_time, ramp, arrival, wrench, age, tuple(counters),
                      nominal, offset, shadow, actual, velocity, torque, flags)
 
     def _send(self, kind, body):

@@ -4,6 +4,7 @@
 //! Plain numbers that cannot overflow, a list of deadlines, one function per rule. Only the types
 //! of input and output are core's, so that a whole [`Output`] can be compared.
 
+use gantry_tau_core::control::wrench::WrenchSample;
 use std::iter::repeat_n;
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
@@ -244,7 +245,11 @@ impl<const N: usize> ReferenceModel<N> {
         let mut expected = output.clone();
         expected.references = axes.map(|(reference, _)| reference);
         expected.withheld = self.withheld;
-        expected.state = self.state(axes.map(|(_, state)| state), input.arrival_us);
+        expected.state = self.state(
+            axes.map(|(_, state)| state),
+            input.arrival_us,
+            input.tick.sensor,
+        );
         expected.owner = self.owner;
         expected.welcome = welcome;
         expected.refusals = accepted.refusals;
@@ -606,7 +611,12 @@ impl<const N: usize> ReferenceModel<N> {
         )
     }
 
-    fn state(&self, axes: [AxisState; N], arrival_us: u16) -> State<N> {
+    fn state(
+        &self,
+        axes: [AxisState; N],
+        arrival_us: u16,
+        sensor: Option<WrenchSample>,
+    ) -> State<N> {
         State {
             tick: Tick(self.tick),
             epoch: Epoch(self.epoch),
@@ -617,6 +627,7 @@ impl<const N: usize> ReferenceModel<N> {
             arrival_us,
             ramp_ticks_left: self.ticks_left(),
             counters: self.counters,
+            sensor,
             axes,
         }
     }

@@ -9,6 +9,8 @@ mod on_session;
 pub use on_endpoint::endpoint_is_right;
 pub use on_session::every_tick_is_right;
 
+use gantry_tau_core::control::wrench::WrenchSample;
+use gantry_tau_core::units::{ForceMn, MomentUnm};
 use std::num::NonZeroU32;
 
 use gantry_tau_core::control::agitation::AgitationBudget;
@@ -391,6 +393,18 @@ fn play(system: &mut impl SystemUnderTest, ops: &[Op]) {
     }
 }
 
+/// Any sample of the force sensor, or none.
+fn sensor([kind, age, rest @ ..]: [u8; 8]) -> Option<WrenchSample> {
+    let [a, b, c, d, ..] = rest;
+    let value = i32::from_ne_bytes([a, b, c, d]);
+    (kind % 4 != 0).then_some(WrenchSample {
+        age,
+        is_cut: kind % 4 == 1,
+        force: [ForceMn(value); 3],
+        moment: [MomentUnm(value.wrapping_neg()); 3],
+    })
+}
+
 /// The machine's own motion.
 #[derive(Clone, Copy, Debug, Default)]
 struct Motion {
@@ -454,6 +468,7 @@ impl Motion {
         let input = TickInput {
             elapsed_cycles: circumstances.elapsed,
             reading: (!circumstances.unread).then_some(self.reading(noise)),
+            sensor: sensor(noise),
             stop: circumstances.stop,
             quit: circumstances.quit,
             rearm: circumstances.rearm,

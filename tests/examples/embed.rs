@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let write = server.tick(&TickInput {
             elapsed_cycles: 1,
             reading: Some(Reading { nominal, actual }), // None: not read
-            stop: false, quit: false, rearm: false,
+            sensor: None, stop: false, quit: false, rearm: false,
         });
         match write { // not said is unknown
             Write::Due(write) => match write_to_drives(motors.spread(write.references())) {

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_client::{ClientControls, ClientError, ClientOptions, ClientReport, run};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::Capabilities;
@@ -30,30 +31,12 @@ pub fn cycle<K: MachineKind<N>, const N: usize, const M: usize, P: Plant<N, M>>(
     Cycle::new(config, motors, plant, epochs, latch, LOOPBACK).unwrap()
 }
 
-/// Addresses of the instruments that a client reads.
-#[derive(Clone, Copy, Debug)]
-pub struct Instruments {
-    /// Force sensor.
-    pub sensor: SocketAddr,
-    /// Accelerometer.
-    pub accelerometer: Option<SocketAddr>,
-}
-
-impl From<SocketAddr> for Instruments {
-    fn from(sensor: SocketAddr) -> Self {
-        Self {
-            sensor,
-            accelerometer: None,
-        }
-    }
-}
-
-/// Runs a client, with any margin of stability, which reads its instruments at these addresses, until its session has ended; `each` sees
+/// Runs a client, with any margin of stability, which reads its accelerometer at this address, until its session has ended; `each` sees
 /// every row of the server. Returns the client's result and the rows.
 pub fn play<K, const N: usize, const M: usize, P>(
     robot: RobotFile<K, N>,
     cycle: Cycle<N, M, P>,
-    instruments: impl Into<Instruments>,
+    accelerometer: Option<SocketAddr>,
     controls: &Arc<ClientControls>,
     mut each: impl FnMut(&TickRecord<N>),
 ) -> (Result<ClientReport, ClientError>, Vec<TickRecord<N>>)
@@ -61,13 +44,12 @@ where
     K: MachineKind<N>,
     P: Plant<N, M> + Send + 'static,
 {
-    let instruments = instruments.into();
     let (server, mut queue) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let options = ClientOptions {
         server: server.address.into(),
         transport: Transport::Stream,
-        sensor: instruments.sensor.into(),
-        accelerometer: instruments.accelerometer.map(Into::into),
+        sensor: SensorSource::States,
+        accelerometer: accelerometer.map(Into::into),
         robot,
         record: None,
         obtain: true,

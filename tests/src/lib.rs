@@ -30,6 +30,7 @@ pub mod client_session;
 pub mod fake_plant;
 pub mod fuzzed;
 pub mod labcomm;
+pub mod liar;
 pub mod server_fixture;
 pub mod session_fixture;
 pub mod short_demo;

@@ -27,8 +27,8 @@
 //! let mut outgoing: Vec<u8> = client.hello().unwrap().to_vec();
 //! for _ in 0..5 {
 //! #    server.feed(connection, &outgoing);
-//! #    let tick = TickInput { elapsed_cycles: 1, reading: Some(Reading::unmeasured([PositionNm(0)])), stop: false,
-//! #        quit: false, rearm: false };
+//! #    let tick = TickInput { elapsed_cycles: 1, reading: Some(Reading::unmeasured([PositionNm(0)])), sensor: None,
+//! #        stop: false, quit: false, rearm: false };
 //! #    if let Write::Due(write) = server.tick(&tick) { write.accepted(); }
 //! #    let mut incoming = Vec::new();
 //! #    while let Some((_, frame)) = server.poll_transmit() { incoming.extend_from_slice(frame); }

@@ -99,6 +99,7 @@ pub(crate) fn state(epoch: Epoch, tick: u64, phase: Phase, position: i32) -> Sta
         arrival_us: 0,
         ramp_ticks_left: 0,
         counters: Counters::default(),
+        sensor: None,
         axes: at(position).map(|offsets| AxisState {
             offsets,
             ..AxisState::default()

@@ -6,6 +6,7 @@ mod notice;
 
 use crate::control::axis::{Actual, Offsets};
 use crate::control::channel::Limits;
+use crate::control::wrench::WrenchSample;
 use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
 pub use error::{ContentError, FrameError};
@@ -370,6 +371,8 @@ pub struct State<const N: usize> {
     pub ramp_ticks_left: u32,
     /// Counts since the session was granted.
     pub counters: Counters,
+    /// Sample of the force sensor; `None` without one.
+    pub sensor: Option<WrenchSample>,
     /// The axes, axis order.
     #[cfg_attr(feature = "serde", serde(with = "crate::serde_array"))]
     pub axes: [AxisState; N],

@@ -356,6 +356,7 @@ impl<const N: usize> Session<N> {
         );
         let mut output = self.step(&input.tick, refused, &accepted, &diagnostics);
         output.state.arrival_us = input.arrival_us;
+        output.state.sensor = input.tick.sensor;
         output
     }
 

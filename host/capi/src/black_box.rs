@@ -145,8 +145,10 @@ mod tests {
         Connection, Entry, Event, Input, LastWrite, Output, Reading, Session, Start, TickInput,
         recorder,
     };
+    use gantry_tau_core::control::wrench::WrenchSample;
     use gantry_tau_core::units::{
-        Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+        Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick,
+        TorquePermille, VelocityUmS,
     };
 
     const FAR: PositionNm = PositionNm(i64::MIN);
@@ -172,6 +174,12 @@ mod tests {
                     velocity: OFFSETS.velocity,
                     torque: OFFSETS.torque,
                 }; 6],
+            }),
+            sensor: Some(WrenchSample {
+                age: u8::MAX,
+                is_cut: false,
+                force: [ForceMn(i32::MIN); 3],
+                moment: [MomentUnm(i32::MIN); 3],
             }),
             ..input.tick
         };

@@ -75,6 +75,8 @@ pub enum gt_parameter {
     NotchFrequency = 27,
     /// Q of a notch.
     NotchQ = 28,
+    /// `status` of the sensor of a gt_tick_input.
+    Sensor = 29,
 }
 
 /// Details of an error. The meaning of a field depends on the code; a field that the code does not

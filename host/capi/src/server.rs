@@ -17,9 +17,10 @@ pub use frame::{GT_MAX_FRAME, gt_datagram_is_hello, gt_frame};
 pub use tick::{
     GT_FLAG_NOMINAL_ACCEL, GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED,
     GT_FLAG_TRAVEL, GT_FLAG_VELOCITY_LIMITED, GT_PRESSED, GT_READING_DONE, GT_READING_FAILED,
-    GT_RELEASED, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_state,
-    gt_cause, gt_counters, gt_held, gt_phase, gt_reference, gt_state, gt_tick_input,
-    gt_tick_output,
+    GT_RELEASED, GT_SAMPLE_CUT, GT_SAMPLE_DONE, GT_SAMPLE_NONE, GT_WRITE_ACCEPTED,
+    GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_state, gt_cause, gt_counters, gt_held,
+    gt_phase, gt_reference, gt_state, gt_tick_input, gt_tick_output, gt_wrench_sample,
+    gt_wrench_sample_of,
 };
 
 use running::{HALF, NONE, Running};

@@ -122,6 +122,29 @@ static void recognise_hello(void)
     EXPECT(LENGTH, gt_datagram_is_hello(hello, SIZE_MAX, &flag));
 }
 
+static void samples(void)
+{
+    static const gt_wrench_sample none = {.status = GT_SAMPLE_NONE};
+    gt_wrench wrench = {{1.5, -0.0005, 0.0004}, {1e-6, -2e-6, 0.25}};
+    gt_wrench_sample sample;
+    EXPECT(NULL_POINTER, gt_wrench_sample_of(NULL, 0, &sample));
+    EXPECT(NULL_POINTER, gt_wrench_sample_of(&wrench, 0, NULL));
+    EXPECT(MISALIGNED, gt_wrench_sample_of((const gt_wrench *)((const uint8_t *)&wrench + 1), 0, &sample));
+    EXPECT(OK, gt_wrench_sample_of(&wrench, 9, &sample));
+    REFUSE(sample.status != GT_SAMPLE_DONE || sample.age != 9)
+    REFUSE(sample.force_mn[0] != 1500 || sample.force_mn[1] != -1 || sample.force_mn[2] != 0)
+    REFUSE(sample.moment_unm[0] != 1 || sample.moment_unm[1] != -2 || sample.moment_unm[2] != 250000)
+    wrench.force_n[2] = -INFINITY;
+    EXPECT(OK, gt_wrench_sample_of(&wrench, 9, &sample));
+    REFUSE(sample.status != GT_SAMPLE_CUT || sample.force_mn[2] != -INT32_MAX || sample.force_mn[0] != 1500)
+    wrench.moment_nm[0] = 2147.483648;
+    EXPECT(OK, gt_wrench_sample_of(&wrench, 255, &sample));
+    REFUSE(sample.status != GT_SAMPLE_CUT || sample.moment_unm[0] != INT32_MAX)
+    wrench.moment_nm[2] = NAN;
+    EXPECT(OK, gt_wrench_sample_of(&wrench, 255, &sample));
+    REFUSE(memcmp(&sample, &none, sizeof none) != 0)
+}
+
 static void servers(void)
 {
     gt_error error;
@@ -218,6 +241,12 @@ static void servers(void)
             EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
             ABOUT(-1, READING, value);
             input.reading = GT_READING_DONE;
+        }
+        if (value != GT_SAMPLE_NONE && value != GT_SAMPLE_DONE && value != GT_SAMPLE_CUT) {
+            input.sensor.status = value;
+            EXPECT(TICK_INPUT, gt_server_tick(server, &input, &output, &error));
+            ABOUT(-1, SENSOR, value);
+            input.sensor.status = GT_SAMPLE_NONE;
         }
     }
     /* Nothing to poll before the first tick, and nothing to say. */
@@ -587,6 +616,7 @@ static void tracker(void)
 int main(void)
 {
     configurations();
+    samples();
     servers();
     machines();
     tracker();

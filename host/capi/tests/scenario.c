@@ -97,6 +97,17 @@ static void print_channels(const char *what, int64_t position, int32_t velocity,
     printf("\"%s\":{\"position\":%lld,\"velocity\":%" PRId32 ",\"torque\":%" PRId16 "},", what, (long long)position, velocity, torque);
 }
 
+static void print_sensor(const gt_wrench_sample *sensor)
+{
+    const int32_t *f = sensor->force_mn, *m = sensor->moment_unm;
+    if (sensor->status == GT_SAMPLE_NONE) {
+        printf("\"sensor\":null,");
+        return;
+    }
+    printf("\"sensor\":{\"age\":%u,\"is_cut\":%s,", sensor->age, sensor->status == GT_SAMPLE_CUT ? "true" : "false");
+    printf("\"force\":[%" PRId32 ",%" PRId32 ",%" PRId32 "],\"moment\":[%" PRId32 ",%" PRId32 ",%" PRId32 "]},", f[0], f[1], f[2], m[0], m[1], m[2]);
+}
+
 /* The JSON that core's `serde` types give. */
 static void print_state(const gt_state *state)
 {
@@ -106,8 +117,10 @@ static void print_state(const gt_state *state)
     printf("\"on_time_of_100\":%u,\"arrival_us\":%u,\"ramp_ticks_left\":%" PRIu32 ",", state->on_time_of_100, state->arrival_us, state->ramp_ticks_left);
     printf("\"counters\":{\"received\":%" PRIu32 ",\"missed\":%" PRIu32 ",\"late\":%" PRIu32 ",\"duplicate\":%" PRIu32 ",\"stale\":%" PRIu32 ",",
            c->received, c->missed, c->late, c->duplicate, c->stale);
-    printf("\"malformed\":%" PRIu32 ",\"out_of_range\":%" PRIu32 ",\"limited\":%" PRIu32 ",\"clamped\":%" PRIu32 ",\"non_owner\":%" PRIu32 ",\"longest_miss_run\":%u},\"axes\":[",
+    printf("\"malformed\":%" PRIu32 ",\"out_of_range\":%" PRIu32 ",\"limited\":%" PRIu32 ",\"clamped\":%" PRIu32 ",\"non_owner\":%" PRIu32 ",\"longest_miss_run\":%u},",
            c->malformed, c->out_of_range, c->limited, c->clamped, c->non_owner, c->longest_miss_run);
+    print_sensor(&state->sensor);
+    printf("\"axes\":[");
     for (uint32_t i = 0; i < state->axis_count; i++) {
         const gt_axis_state *axis = &state->axes[i];
         printf("%s{\"nominal\":%lld,", i ? "," : "", (long long)axis->nominal_nm);
@@ -137,6 +150,12 @@ static void tick(gt_server *server, uint32_t axes)
     input.rearm = (uint8_t)natural();
     fate = (uint8_t)natural();
     check(gt_server_note_arrival(server, (uint16_t)natural()));
+    input.sensor.status = (uint8_t)natural();
+    input.sensor.age = (uint8_t)natural();
+    for (int i = 0; i < 3; i++) {
+        input.sensor.force_mn[i] = (int32_t)number();
+        input.sensor.moment_unm[i] = (int32_t)number();
+    }
     for (uint32_t i = 0; i < axes; i++) {
         input.nominal_nm[i] = number();
         input.actual[i].position_nm = number();

@@ -287,21 +287,21 @@ fn check_reach(address: SocketAddr, allowed: &Allowed) -> Result<(), Failure> {
 /// Links to the instruments of a compensating client.
 #[derive(Clone, Debug, Args)]
 struct Instruments {
-    /// The force sensor: the address of the server's link, or labcomm: for a LabComm stream with a
-    /// sample NAME of type float[6] or double[6] [default NAME: forcesensor]
-    #[arg(long, value_name = "HOST:PORT|labcomm:HOST:PORT[/NAME]", default_value = "127.0.0.1:7001", value_parser = sensor)]
-    sensor: SensorSource,
+    /// A force sensor that the server does not have: a LabComm stream with a sample NAME of type
+    /// float[6] or double[6] [default NAME: forcesensor]
+    #[arg(long, value_name = "labcomm:HOST:PORT[/NAME]", value_parser = sensor)]
+    sensor: Option<SensorSource>,
     /// The accelerometer, of a machine with a section [sensor.accelerometer]: the address of the
     /// server's link
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7004", value_parser = peer)]
     accelerometer: Addresses,
 }
 
-/// A force sensor: an address, or `labcomm:` with address and name of a sample.
+/// A force sensor: `labcomm:` with address and name of a sample.
 fn sensor(text: &str) -> Result<SensorSource, OptionError> {
-    let Some(stream) = text.strip_prefix("labcomm:") else {
-        return Ok(SensorSource::Records(peer(text)?));
-    };
+    let stream = text.strip_prefix("labcomm:").ok_or(
+        "expected labcomm:HOST:PORT; the samples of the server's own sensor come with its States",
+    )?;
     let (at, name) = stream.split_once('/').unwrap_or((stream, DEFAULT_NAME));
     if name.is_empty() {
         return Err("expected the name of a sample after the slash".into());

@@ -1,13 +1,12 @@
-//! Sources of a client's force samples: the link of `serve`, or a LabComm stream.
+//! Sources of a client's force samples: the States of the server, or a LabComm stream.
 
 mod labcomm;
 
 use std::fmt;
 use std::io;
-use std::net::SocketAddr;
 use std::sync::atomic::AtomicBool;
 
-use gantry_tau_server::links::sensor::{Sample, SensorReader};
+use gantry_tau_core::control::message::State;
 use gantry_tau_system::dial::Addresses;
 
 use labcomm::LabcommSensor;
@@ -18,11 +17,29 @@ pub const DEFAULT_NAME: &str = "forcesensor";
 /// Reason of a source that is silent.
 const SILENCE: &str = "none has come for too long";
 
-/// Address of a force sensor, and what it speaks.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// States to wait for the first sample of a stream: one whose places are taken by readers that read
+/// nothing has dropped them by then.
+const FIRST_OF_STREAM: u64 = 3_000;
+/// The same for the samples in the States themselves.
+const FIRST_OF_STATES: u64 = 1_000;
+
+/// One sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Tick of the server in which it was taken.
+    pub tick: u64,
+    /// Force (N) then moment (N m), sensor axes.
+    pub wrench: [f64; 6],
+    /// A component is beyond the range of a State: not a measurement.
+    pub is_cut: bool,
+}
+
+/// Source of a client's force samples.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum SensorSource {
-    /// Records of [`gantry_tau_server::links::sensor`], with the server's ticks.
-    Records(Addresses),
+    /// The States of the server.
+    #[default]
+    States,
     /// A LabComm stream of either generation, with a sample of six floats or doubles.
     Labcomm {
         /// Addresses, of which the first that answers is taken.
@@ -32,65 +49,60 @@ pub enum SensorSource {
     },
 }
 
-impl SensorSource {
-    /// Addresses.
-    #[must_use]
-    pub const fn address(&self) -> &Addresses {
-        match self {
-            Self::Records(address) | Self::Labcomm { address, .. } => address,
-        }
-    }
-}
-
-impl From<SocketAddr> for SensorSource {
-    fn from(address: SocketAddr) -> Self {
-        Self::Records(address.into())
-    }
-}
-
 impl fmt::Display for SensorSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Records(address) => address.fmt(f),
+            Self::States => f.write_str("the States of the server"),
             Self::Labcomm { address, name } => write!(f, "labcomm:{address}/{name}"),
         }
     }
 }
 
-/// A connected source.
+/// A source in use.
 #[derive(Debug)]
 pub enum SensorConnection {
-    /// Of records.
-    Records(SensorReader),
+    /// The States.
+    States,
     /// Of LabComm samples.
     Labcomm(LabcommSensor),
 }
 
 impl SensorConnection {
-    /// Connects.
+    /// Connects to a source that has an address of its own.
     ///
     /// # Errors
     /// Nothing listens there; [`io::ErrorKind::Interrupted`] if `quit` was set meanwhile.
     pub fn connect(source: &SensorSource, quit: &AtomicBool) -> io::Result<Self> {
         match source {
-            SensorSource::Records(address) => {
-                SensorReader::connect(address.clone(), quit).map(Self::Records)
-            }
+            SensorSource::States => Ok(Self::States),
             SensorSource::Labcomm { address, name } => {
                 LabcommSensor::connect(address, name, quit).map(Self::Labcomm)
             }
         }
     }
 
-    /// Takes what has arrived, as far as a visit reads, and returns the latest sample. A LabComm
-    /// sample has no tick: it gets `tick`, that of the last State, when it comes.
+    /// Returns the latest sample: that of a State, or of what has arrived, as far as a visit reads. A
+    /// LabComm sample has no tick: it gets that of the State with which it comes.
     ///
     /// # Errors
     /// [`io::ErrorKind::InvalidData`]: the stream is not understood. Others: the sensor is gone.
-    pub fn latest(&mut self, tick: u64) -> io::Result<Option<Sample>> {
+    pub fn latest<const N: usize>(&mut self, state: &State<N>) -> io::Result<Option<Sample>> {
         match self {
-            Self::Records(reader) => reader.latest(),
-            Self::Labcomm(sensor) => sensor.latest(tick),
+            Self::States => Ok(state.sensor.map(|sample| Sample {
+                tick: state.tick.0.saturating_sub(sample.age.into()),
+                wrench: sample.to_si(),
+                is_cut: sample.is_cut,
+            })),
+            Self::Labcomm(sensor) => sensor.latest(state.tick.0),
+        }
+    }
+
+    /// Returns the number of States to wait for the first sample.
+    #[must_use]
+    pub const fn patience(&self) -> u64 {
+        match self {
+            Self::States => FIRST_OF_STATES,
+            Self::Labcomm(_) => FIRST_OF_STREAM,
         }
     }
 
@@ -98,7 +110,7 @@ impl SensorConnection {
     #[must_use]
     pub fn silence(&self) -> String {
         match self {
-            Self::Records(_) => SILENCE.to_owned(),
+            Self::States => format!("{SILENCE} with the States of the server"),
             Self::Labcomm(sensor) => sensor.silence(),
         }
     }

@@ -49,10 +49,9 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Cause, Notice, Refusal, State, Welcome};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_record::recording::{RecordTo, Recorded};
-use gantry_tau_server::links::sensor::Sample;
 use gantry_tau_system::dial::Addresses;
 
-use crate::force_sensor::SensorSource;
+use crate::force_sensor::{Sample, SensorSource};
 pub use accelerometer::AccelerometerError;
 pub use compensate::{Compensation, Samples, SetupError};
 pub use connection::Connection;
@@ -67,7 +66,7 @@ pub struct ClientOptions<K, const N: usize> {
     pub server: Addresses,
     /// TCP or UDP.
     pub transport: Transport,
-    /// The force sensor.
+    /// Source of the force samples.
     pub sensor: SensorSource,
     /// Addresses of the accelerometer's link, for a machine that has one; without them the client
     /// takes it for one that has none.

@@ -1,6 +1,6 @@
 //! A client's session from Hello to Goodbye.
 
-use std::error::Error;
+use std::fmt::Display;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -13,7 +13,6 @@ use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::CYCLE_US;
 use gantry_tau_record::recording::{ClientRow, Recorder, Recording, SessionEvents};
 use gantry_tau_server::links::accelerometer::AccelerometerReader;
-use gantry_tau_server::links::sensor::Sample;
 
 use super::accelerometer::MAX_APART;
 use super::compensate::{Compensation, Samples};
@@ -21,16 +20,13 @@ use super::connection::Connection;
 use super::oscillation::Oscillations;
 use super::stability::HomeMargin;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
-use crate::force_sensor::SensorConnection;
+use crate::force_sensor::{Sample, SensorConnection, SensorSource};
 
 /// Longest time for each step: to connect, to be welcomed, to hear the next State, to leave. A
 /// server that takes longer has vanished.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// States that the last usable force sample may serve.
 const SAMPLE_STATES: u64 = 100;
-/// States to wait for the first sample: a sensor whose places are taken by readers that read
-/// nothing has dropped them by then.
-const FIRST_SAMPLE_STATES: u64 = 3_000;
 
 /// Warning at Obtain.
 const NO_MASSES: &str = "no masses: stability in motion and contact is not known; cutoff_hz 2.0 with filter = \"second_order\" is safe for tools to 5 kg on machines like these";
@@ -108,9 +104,15 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
     let (transport, server) = (options.transport, options.server.clone());
     let mut link =
         Connection::open_unless(&controls.quit, transport, server, PATIENCE, requirements)?;
-    let sensor = SensorConnection::connect(&options.sensor, &controls.quit).map_err(|error| {
-        ClientError::unreachable("force sensor", options.sensor.address(), error)
-    })?;
+    let sensor =
+        SensorConnection::connect(&options.sensor, &controls.quit).map_err(
+            |error| match &options.sensor {
+                SensorSource::Labcomm { address, .. } => {
+                    ClientError::unreachable("force sensor", address, error)
+                }
+                SensorSource::States => ClientError::Setup(error.to_string()),
+            },
+        )?;
     let accelerometer = match (&robot.sensor.accelerometer, &options.accelerometer) {
         (Some(_), Some(address)) => Some(
             AccelerometerReader::connect(address.clone(), &controls.quit)
@@ -330,12 +332,15 @@ impl<const N: usize> ClientSession<'_, N> {
     fn compensate(&mut self, state: &State<N>) -> Result<(), ClientError> {
         let latest = self
             .sensor
-            .latest(state.tick.0)
+            .latest(state)
             .map_err(|error| ClientError::SensorSilent(error.to_string()))?;
-        let Some(sample) = latest.filter(|latest| self.sample != Some(*latest)) else {
+        let is_new = |latest: &Sample| {
+            self.sample != Some(*latest) && state.tick.0.abs_diff(latest.tick) <= SAMPLE_STATES
+        };
+        let Some(sample) = latest.filter(is_new) else {
             self.states_without_sample += 1;
             let patience = match self.sample {
-                None => FIRST_SAMPLE_STATES,
+                None => self.sensor.patience(),
                 Some(_) => SAMPLE_STATES,
             };
             if self.states_without_sample > patience {
@@ -343,12 +348,11 @@ impl<const N: usize> ClientSession<'_, N> {
             }
             return Ok(());
         };
-        if sample.tick.abs_diff(state.tick.0) > SAMPLE_STATES {
-            let reason = "their ticks are not the server's".to_owned();
-            return Err(ClientError::SensorSilent(reason));
-        }
         self.sample = Some(sample);
         self.states_without_sample = 0;
+        if sample.is_cut {
+            return self.hold(&"the force is beyond the range of a State");
+        }
         let nominal = state.axes.map(|axis| axis.nominal);
         let samples = Samples {
             wrench: Wrench::from_array(sample.wrench),
@@ -361,7 +365,7 @@ impl<const N: usize> ClientSession<'_, N> {
                 self.note_saturation(&correction.saturated);
                 Ok(())
             }
-            Err(error) => self.hold(&*error),
+            Err(error) => self.hold(&error),
         }
     }
 
@@ -394,7 +398,7 @@ impl<const N: usize> ClientSession<'_, N> {
 
     /// Keeps the last targets: logs the first such cycle, counts each, and fails after too many in
     /// a row.
-    fn hold(&mut self, error: &dyn Error) -> Result<(), ClientError> {
+    fn hold(&mut self, error: &dyn Display) -> Result<(), ClientError> {
         if self.report.held == 0 {
             tracing::warn!("a correction cannot be computed, the last one is held: {error}");
         }

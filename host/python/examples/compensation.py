@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compensation: offsets that hold the tool where it would be without the measured load, computed by `gantry-tau solve`.
 
-    compensation.py [HOST:PORT] --sensor HOST:PORT [--robot robots/l2.toml] [--gantry-tau PROGRAM]
+    compensation.py [HOST:PORT] [--robot robots/l2.toml] [--gantry-tau PROGRAM]
 
 For an L2 whose coordinates q are the positions of the carts in metres (`metres_per_q` of 1). Stays in Submit while it tares the sensor.
 """
@@ -37,8 +37,8 @@ class Compensation:
 
 
 if __name__ == "__main__":
-    parser = gantry_tau.arguments(__doc__, sensor="127.0.0.1:7001")
+    parser = gantry_tau.arguments(__doc__)
     parser.add_argument("--robot", default="robots/l2.toml", help="robot file of the machine")
     parser.add_argument("--gantry-tau", metavar="PROGRAM", help="default: gantry-tau of the PATH")
     options = parser.parse_args()
-    gantry_tau.main(Compensation(Solver(options.robot, options.gantry_tau)), options)
+    gantry_tau.main(Compensation(Solver(options.robot, options.gantry_tau)), options, needs_wrench=True)

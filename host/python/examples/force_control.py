@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Force control: presses the tool on a workpiece below it, with a PI law and anti-windup.
 
-    force_control.py [HOST:PORT] --sensor HOST:PORT [--forces 30,60] [--each 4000] [--robot robots/l2.toml] [--gantry-tau PROGRAM]
+    force_control.py [HOST:PORT] [--forces 30,60] [--each 4000] [--robot robots/l2.toml] [--gantry-tau PROGRAM]
 
 Against `gantry-tau serve --workpiece 2e5`. The law sets how far the tool moves in -z, m; `gantry-tau solve` says by how much each axis
 moves for it. For an L2, as compensation.py. Stays in Submit while it tares the sensor.
@@ -71,11 +71,11 @@ class ForceControl:
 
 
 if __name__ == "__main__":
-    parser = gantry_tau.arguments(__doc__, sensor="127.0.0.1:7001")
+    parser = gantry_tau.arguments(__doc__)
     parser.add_argument("--forces", default="30,60", help="set points, N, one after the other; the last one stays")
     parser.add_argument("--each", type=int, default=4_000, help="ticks of each set point")
     parser.add_argument("--robot", default="robots/l2.toml", help="robot file of the machine")
     parser.add_argument("--gantry-tau", metavar="PROGRAM", help="default: gantry-tau of the PATH")
     options = parser.parse_args()
     forces_n = [float(force) for force in options.forces.split(",")]
-    gantry_tau.main(ForceControl(Solver(options.robot, options.gantry_tau), forces_n, options.each), options)
+    gantry_tau.main(ForceControl(Solver(options.robot, options.gantry_tau), forces_n, options.each), options, needs_wrench=True)

@@ -5,7 +5,6 @@ pub mod accelerometer;
 mod allowed;
 pub mod gauges;
 pub mod places;
-pub mod sensor;
 pub mod subscribers;
 
 use std::io::{self, Read};
@@ -66,30 +65,6 @@ pub(crate) fn fields(bytes: &[u8]) -> impl Iterator<Item = [u8; 8]> {
     bytes
         .chunks_exact(8)
         .map(|field| <[u8; 8]>::try_from(field).unwrap_or_default())
-}
-
-/// Bytes of a record of tick and six components.
-pub(crate) const SIX_COMPONENTS: usize = 56;
-
-/// Writes a tick and six components; returns their length.
-pub(crate) fn put_six_components(
-    bytes: &mut [u8; MAX_RECORD],
-    tick: u64,
-    components: &[f64; 6],
-) -> usize {
-    let components = components.map(f64::to_le_bytes);
-    put_fields(bytes, [tick.to_le_bytes()].into_iter().chain(components))
-}
-
-/// Returns the tick and the six components of a record.
-pub(crate) fn six_components(bytes: &[u8]) -> (u64, [f64; 6]) {
-    let mut fields = fields(bytes);
-    let tick = fields.next().map_or(0, u64::from_le_bytes);
-    let mut components = [0.0; 6];
-    for (component, field) in components.iter_mut().zip(fields) {
-        *component = f64::from_le_bytes(field);
-    }
-    (tick, components)
 }
 
 /// Publishes records from the cycle: no allocation, no blocking; a subscriber that cannot keep up

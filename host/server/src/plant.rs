@@ -185,8 +185,11 @@ pub struct ToolReading {
     pub step: u32,
     /// Load on the tool, force (N) then moment (N m) about the tool centre point, world axes.
     pub load: [f64; 6],
-    /// Raw sample of the force sensor, force (N) then moment (N m), sensor axes.
+    /// Raw sample of the force sensor, force (N) then moment (N m), sensor axes. With a NaN there is
+    /// none.
     pub sensor: [f64; 6],
+    /// Ticks since the force sensor took it: 0 in this tick, 255 if 255 or more.
+    pub sensor_age: u8,
     /// Sample of the accelerometer, linear (m/s^2) then angular acceleration (rad/s^2), its axes;
     /// `None` without one.
     pub acceleration: Option<[f64; 6]>,

@@ -54,6 +54,7 @@ impl<const N: usize> TickRecord<N> {
             arrival_us: 0,
             ramp_ticks_left: 0,
             counters: Counters::default(),
+            sensor: None,
             axes: [AxisState::default(); N],
         };
         let zero = Reference {

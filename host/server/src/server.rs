@@ -92,7 +92,7 @@ impl ServerError {
                 let owner = port_owner(address.port())
                     .map_or_else(|| "another process".to_owned(), |id| format!("pid {id}"));
                 format!(
-                    "the port is in use by {owner}; is another server running? (--listen, --sensor, --accelerometer, --gauges, --labcomm)"
+                    "the port is in use by {owner}; is another server running? (--listen, --accelerometer, --gauges, --labcomm)"
                 )
             }
             io::ErrorKind::PermissionDenied => {

@@ -517,6 +517,7 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
             step: self.load.step,
             load: self.load.wrench().to_array(),
             sensor: self.sample.to_array(),
+            sensor_age: 0,
             acceleration: self.acceleration,
             displacement_m: displacement,
             turn_rad: displaced.rotation_rad.into(),

@@ -4,10 +4,10 @@
 use gantry_tau_capi::code::gt_code;
 use gantry_tau_capi::error::gt_error;
 use gantry_tau_capi::server::{
-    GT_MAX_MOTORS, GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_WRITE_ACCEPTED,
-    GT_WRITE_REFUSED, GT_WRITE_UNKNOWN, gt_actual, gt_axis_config, gt_axis_state, gt_cause,
-    gt_counters, gt_in_force, gt_limits, gt_offsets, gt_reference, gt_server_config, gt_start,
-    gt_tick_input,
+    GT_MAX_MOTORS, GT_PRESSED, GT_READING_DONE, GT_READING_FAILED, GT_RELEASED, GT_SAMPLE_CUT,
+    GT_SAMPLE_DONE, GT_SAMPLE_NONE, GT_WRITE_ACCEPTED, GT_WRITE_REFUSED, GT_WRITE_UNKNOWN,
+    gt_actual, gt_axis_config, gt_axis_state, gt_cause, gt_counters, gt_in_force, gt_limits,
+    gt_offsets, gt_reference, gt_server_config, gt_start, gt_tick_input, gt_wrench_sample,
 };
 use gantry_tau_capi::verification::{self, Room};
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
@@ -15,6 +15,7 @@ use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisState, Counters, Phase, State};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{LastWrite, Output, Session};
+use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::control::{no_output, pending};
 
@@ -120,6 +121,7 @@ fn is_switch(value: u8) -> bool {
 /// arrives field by field; `axis` speaks for every one.
 pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
     let known = [GT_READING_DONE, GT_READING_FAILED].contains(&input.reading)
+        && input.sensor.status <= GT_SAMPLE_CUT
         && is_switch(input.stop)
         && is_switch(input.rearm);
     let answer = verification::to_core::<N>(input);
@@ -140,6 +142,10 @@ pub fn input_arrives<const N: usize>(input: &gt_tick_input, axis: usize) {
     assert!(
         (tick.stop, tick.quit, tick.rearm) == pressed,
         "T26: stop, quit and re-arm arrive"
+    );
+    assert!(
+        same_sample(tick.sensor.as_ref(), &input.sensor),
+        "T26: the sample of the force sensor arrives"
     );
     assert!(
         tick.reading.is_some() == (input.reading == GT_READING_DONE),
@@ -284,6 +290,10 @@ pub fn state_arrives<const N: usize>(state: &State<N>, axis: usize) {
         "T26: counters arrive"
     );
     assert!(
+        same_sample(state.sensor.as_ref(), &told.sensor),
+        "T26: the sample of the force sensor arrives"
+    );
+    assert!(
         usize::try_from(told.axis_count) == Ok(N),
         "T26: the number of axes arrives"
     );
@@ -294,6 +304,21 @@ pub fn state_arrives<const N: usize>(state: &State<N>, axis: usize) {
         same_axis(was, is),
         "T26: an axis arrives, and an unused one is zero"
     );
+}
+
+/// True if a sample of C says what one of core does; without one the rest of C's is anything.
+fn same_sample(sample: Option<&WrenchSample>, c: &gt_wrench_sample) -> bool {
+    let Some(sample) = sample else {
+        return c.status == GT_SAMPLE_NONE;
+    };
+    let status = if sample.is_cut {
+        GT_SAMPLE_CUT
+    } else {
+        GT_SAMPLE_DONE
+    };
+    (c.status, c.age) == (status, sample.age)
+        && sample.force.map(|force| force.0) == c.force_mn
+        && sample.moment.map(|moment| moment.0) == c.moment_unm
 }
 
 /// Number of a cause of C, which is that of the wire.

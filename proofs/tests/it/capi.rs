@@ -4,7 +4,7 @@ use gantry_tau_capi::server::{
     GT_MAX_AXES, GT_MAX_MOTORS, gt_actual, gt_axis_config, gt_in_force, gt_limits, gt_offsets,
     gt_server_config,
 };
-use gantry_tau_capi::server::{gt_start, gt_tick_input};
+use gantry_tau_capi::server::{gt_start, gt_tick_input, gt_wrench_sample};
 use gantry_tau_capi::verification::Room;
 use gantry_tau_core::EpochRange;
 use gantry_tau_core::control::channel::Limits;
@@ -44,14 +44,22 @@ prop_compose! {
 }
 
 prop_compose! {
+    fn sample()(
+        status in prop_oneof![20 => 0..=2_u8, 1 => any::<u8>()], age: u8, force_mn: [i32; 3], moment_unm: [i32; 3],
+    ) -> gt_wrench_sample {
+        gt_wrench_sample { status, age, force_mn, moment_unm }
+    }
+}
+
+prop_compose! {
     /// Codes that are none are rare.
     fn tick_input()(
         (elapsed_cycles, quit) in (any::<u32>(), 0..3_u8),
         [reading, stop, rearm] in [0..30_u8, 0..30, 0..30].prop_map(|codes| codes.map(|code| if code == 0 { 0 } else { 1 + code % 2 })),
         nominal_nm in uniform6(any::<i64>()),
-        actual in uniform6(actual()),
+        actual in uniform6(actual()), sensor in sample(),
     ) -> gt_tick_input {
-        gt_tick_input { elapsed_cycles, reading, stop, quit, rearm, nominal_nm, actual }
+        gt_tick_input { elapsed_cycles, reading, sensor, stop, quit, rearm, nominal_nm, actual }
     }
 }
 

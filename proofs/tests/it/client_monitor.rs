@@ -81,6 +81,7 @@ prop_compose! {
             arrival_us: 0,
             ramp_ticks_left: 0,
             counters: Counters::default(),
+            sensor: None,
             axes,
         }
     }

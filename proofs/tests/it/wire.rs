@@ -10,9 +10,11 @@ use gantry_tau_core::control::wire::{
     Body, Collector, FrameError, HEADER_LEN, Kind, MAX_FRAME, Notice, PROTOCOL_VERSION, Stage,
     TRAILER_LEN, encode_client, encode_server,
 };
+use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{
     Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
+use gantry_tau_core::units::{ForceMn, MomentUnm};
 use gantry_tau_proofs::properties::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_frame_is_judged_alike,
     cutting_changes_nothing, feed_is_judged, frame_is_parsed, frame_survives, message_is_canonical,
@@ -108,6 +110,14 @@ impl Draw {
             flags: AxisFlags::from_bits(self.0.random::<u8>() & AxisFlags::ALL.bits()).unwrap(),
         }
     }
+    fn sensor(&mut self) -> Option<WrenchSample> {
+        self.0.random::<bool>().then(|| WrenchSample {
+            age: self.0.random(),
+            is_cut: self.0.random(),
+            force: std::array::from_fn(|_| ForceMn(self.0.random())),
+            moment: std::array::from_fn(|_| MomentUnm(self.0.random())),
+        })
+    }
     fn state<const N: usize>(&mut self) -> State<N> {
         State {
             tick: Tick(self.0.random()),
@@ -119,6 +129,7 @@ impl Draw {
             arrival_us: self.0.random(),
             ramp_ticks_left: self.0.random(),
             counters: self.counters(),
+            sensor: self.sensor(),
             axes: std::array::from_fn(|_| self.axis()),
         }
     }

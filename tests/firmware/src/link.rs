@@ -36,6 +36,11 @@ const HANDSHAKE_PATIENCE_MS: u32 = 10;
 const PATH_UM: u64 = 1_000;
 /// Position of the tool at home, m.
 const HOME_M: [f64; 3] = [0.1, 0.0, 0.3];
+/// Sample of the unloaded force sensor, N and N m, its axes; a client tares it.
+const UNLOADED: [f64; 6] = [1.5, -0.8, -16.0, 0.05, 0.08, 0.02];
+/// Force against y of the sensor, N, which acts after this number of ticks in Obtain.
+const PULL_N: f64 = 50.0;
+const PULL_AFTER: u32 = 100;
 /// Longest run, ms: ends a firmware whose test has died.
 const MAX_MS: u32 = 600_000;
 
@@ -103,6 +108,7 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
 
     let mut now_ms: u32 = 0;
     let mut last_tick_ms: u32 = 0;
+    let mut obtained: u32 = 0;
     while now_ms < MAX_MS {
         now_ms = now_ms.saturating_add(ticks.wait());
         tcp.visit(now_ms.into(), machine.server());
@@ -110,7 +116,8 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
             continue;
         }
         last_tick_ms = now_ms;
-        let input = CycleInput::on_time(Motion::F1, pose(log.ticks.into()));
+        let mut input = CycleInput::on_time(Motion::F1, pose(log.ticks.into()));
+        input.load = sample(obtained);
         machine.compute(&input, &mut Unmeasured);
         let motors = machine.serve(&input, &mut Unmeasured, &mut |to, frame| {
             tcp.send(to, frame)
@@ -126,6 +133,10 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
         }
         if let Some(output) = machine.output() {
             log.note(output);
+            obtained = match output.state.phase {
+                Phase::Obtain => obtained.saturating_add(1),
+                _ => 0,
+            };
             for (_, refusal) in &output.refusals {
                 defmt::info!("tick={=u64} refused={}", output.state.tick.0, refusal);
             }
@@ -175,6 +186,13 @@ fn is_due(machine: &mut Machine, waited_ms: u32) -> bool {
         Phase::Listening | Phase::SafeDisconnect | Phase::Fault => return true,
     };
     server.owner_has_answered() || waited_ms >= patience_ms
+}
+
+/// Returns the sample of the force sensor after this number of ticks in Obtain.
+fn sample(obtained: u32) -> [f64; 6] {
+    let [fx, fy, fz, mx, my, mz] = UNLOADED;
+    let pull_n = if obtained > PULL_AFTER { PULL_N } else { 0.0 };
+    [fx, fy - pull_n, fz, mx, my, mz]
 }
 
 /// Returns a pose on the tool's path, along x, to and fro.

@@ -12,9 +12,11 @@ use gantry_tau_core::control::session::config::{
 use gantry_tau_core::control::session::{
     BlackBox, Connection, Event, Events, Input, LastWrite, Reading, Session, Start, TickInput,
 };
+use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{
     Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
 };
+use gantry_tau_core::units::{ForceMn, MomentUnm};
 use gantry_tau_server::black_box::Window;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -196,6 +198,12 @@ fn input<const N: usize>(
                 velocity: VelocityUmS(random.random()),
                 torque: TorquePermille(random.random()),
             }),
+        }),
+        sensor: random.random_bool(0.9).then(|| WrenchSample {
+            age: random.random(),
+            is_cut: random.random(),
+            force: std::array::from_fn(|_| ForceMn(random.random())),
+            moment: std::array::from_fn(|_| MomentUnm(random.random())),
         }),
         stop: random.random_bool(0.02),
         quit: random.random_bool(0.01),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use gantry_tau_client::force_sensor::{Sample, SensorSource};
 use gantry_tau_client::{self, ClientControls, ClientError, ClientOptions, Observer};
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Phase, State, Welcome};
@@ -12,7 +13,6 @@ use gantry_tau_core::units::EpochRange;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_record::recording::{RecordTo, Recorded, Recording, drain};
-use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::Event;
 use gantry_tau_server::record::TickRecord;
@@ -56,8 +56,6 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
     let any: SocketAddr = "127.0.0.1:0".parse().unwrap();
     let (hand, tool) = load_generator();
     let machine = SimulatedMachine::<N, M>::from_robot(robot, tool, Motion::Hold).unwrap();
-    let sensor = SensorPublisher::bind(any).unwrap();
-    let sensor_address = sensor.address().unwrap();
     let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
     let motors = robot.motor_map().unwrap();
     let cycle: Cycle<N, M, _> = Cycle::new(
@@ -69,13 +67,12 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
         any,
     )
     .unwrap();
-    let (server, mut queue) =
-        Server::spawn(cycle.with_sensor(sensor), TickSource::Lockstep).unwrap();
+    let (server, mut queue) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
     let controls = Arc::new(ClientControls::default());
     let options = ClientOptions {
         server: server.address.into(),
         transport: Transport::Stream,
-        sensor: sensor_address.into(),
+        sensor: SensorSource::States,
         accelerometer: None,
         robot: robot.clone(),
         record: Some(client_file),

@@ -15,7 +15,6 @@ use gantry_tau_machine::model::L2_MOTORS;
 use gantry_tau_machine::robot_file::{FilterKey, RobotFile};
 use gantry_tau_record::black_box;
 use gantry_tau_server::black_box::HALF;
-use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::{Load, load_generator};
 use gantry_tau_sim::load_pattern::LoadPattern;
@@ -23,7 +22,7 @@ use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_sim::workpiece::Workpiece;
 use gantry_tau_tests::client_session;
 use gantry_tau_tests::fake_plant::Bus;
-use gantry_tau_tests::server_fixture::{LOOPBACK, ServerFixture, parameters};
+use gantry_tau_tests::server_fixture::{ServerFixture, parameters};
 use gantry_tau_tests::session_fixture::SessionFixture;
 
 /// Targets either side of zero, nm.
@@ -142,12 +141,10 @@ fn swings(set_up: &Swinging) -> (usize, Option<Cause>, f64) {
         let home_m = &robot.simulation.home_m;
         machine = machine.above(Workpiece::below(home_m, 1e7, 0.0, true).unwrap());
     }
-    let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
-    let address = sensor.address().unwrap();
-    let cycle = client_session::cycle::<_, 3, L2_MOTORS, _>(&robot, machine).with_sensor(sensor);
+    let cycle = client_session::cycle::<_, 3, L2_MOTORS, _>(&robot, machine);
     let mut obtaining = 0;
     let controls: Arc<ClientControls> = Arc::default();
-    let (_, rows) = client_session::play(robot, cycle, address, &controls, |row| {
+    let (_, rows) = client_session::play(robot, cycle, None, &controls, |row| {
         obtaining += usize::from(row.state.phase == Phase::Obtain);
         if obtaining > BEFORE + LONGEST {
             controls.quit.store(true, Ordering::Relaxed);

@@ -10,15 +10,13 @@ use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_machine::model::{L2, L2_MOTORS};
 use gantry_tau_machine::robot_file::{AccelerometerKeys, RobotFile};
 use gantry_tau_server::links::accelerometer::{Acceleration, AccelerometerPublisher};
-use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 use gantry_tau_server::plant::Reading;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::machine::SimulatedMachine;
-use gantry_tau_tests::client_session::{self, Instruments};
+use gantry_tau_tests::client_session;
+use gantry_tau_tests::liar::Liar;
 use gantry_tau_tests::server_fixture::LOOPBACK;
-
-use super::liar::Liar;
 
 /// Tick from which on it lies; the tare is done, and the offsets act.
 const LATER: u64 = 500;
@@ -45,17 +43,10 @@ fn session(lie: Lie) -> (Result<u64, ClientError>, bool) {
     let robot = robot();
     let (_hand, tool) = load_generator();
     let machine = SimulatedMachine::moving_from_robot(&robot, tool, Motion::Hold).unwrap();
-    let mut sensor = SensorPublisher::bind(LOOPBACK).unwrap();
     let mut accelerometer = AccelerometerPublisher::bind(LOOPBACK).unwrap();
-    let instruments = Instruments {
-        sensor: sensor.address().unwrap(),
-        accelerometer: Some(accelerometer.address().unwrap()),
-    };
-    let liar = Liar::new(machine, move |tick, reading: &Reading<ARMS>| {
-        let tool = reading.tool.unwrap();
-        let wrench = tool.sensor;
-        sensor.publish(&Sample { tick, wrench });
-        let components = tool.acceleration.unwrap();
+    let address = accelerometer.address().unwrap();
+    let liar = Liar::new(machine, move |tick, reading: &mut Reading<ARMS>| {
+        let components = reading.tool.unwrap().acceleration.unwrap();
         if let Some(sample) = lie(Acceleration { tick, components }) {
             accelerometer.publish(&sample);
         }
@@ -63,7 +54,7 @@ fn session(lie: Lie) -> (Result<u64, ClientError>, bool) {
     let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
     let controls: Arc<ClientControls> = Arc::default();
     let (result, rows) =
-        client_session::play(robot.clone(), cycle, instruments, &controls, |row| {
+        client_session::play(robot.clone(), cycle, Some(address), &controls, |row| {
             if row.state.tick.0 >= 2 * LATER {
                 controls.quit.store(true, Ordering::Relaxed);
             }

@@ -2,7 +2,6 @@
 //! silent: it leaves in good order and says why, instead of compensating a force that is not
 //! measured.
 
-use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -11,42 +10,50 @@ use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_machine::model::{L2, L2_MOTORS};
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::plant::{Plant, PlantError, Reading};
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_tests::client_session;
-use gantry_tau_tests::server_fixture::LOOPBACK;
-
-use super::liar::Liar;
+use gantry_tau_tests::liar::Liar;
 
 /// Samples the tare of these tests takes.
 const TARE: u32 = 50;
 const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// A sensor's sample of each tick.
-pub(super) type Lie = fn(u64) -> Option<Sample>;
+/// What a sensor says in a tick.
+#[derive(Clone, Copy)]
+pub(super) struct Told {
+    /// Force (N) then moment (N m); with NaN nothing.
+    wrench: [f64; 6],
+    /// Ticks since it was measured.
+    age: u8,
+}
 
-/// Machine under no load, with a sensor that sends what `lie` makes of each tick; and the sensor's
-/// address.
+impl Told {
+    pub(super) const NOTHING: Self = Self::now([f64::NAN; 6]);
+
+    pub(super) const fn now(wrench: [f64; 6]) -> Self {
+        Self { wrench, age: 0 }
+    }
+}
+
+/// What a sensor says in each tick.
+pub(super) type Lie = fn(u64) -> Told;
+
+/// Machine under no load, with a sensor that says what `lie` makes of each tick.
 pub(super) fn machine(
     robot: &RobotFile<L2, ARMS>,
     lie: Lie,
-) -> (
-    impl Plant<ARMS, L2_MOTORS, Error = PlantError> + use<>,
-    SocketAddr,
-) {
+) -> impl Plant<ARMS, L2_MOTORS, Error = PlantError> + use<> {
     let (_hand, tool) = load_generator();
-    let mut sensor = SensorPublisher::bind(LOOPBACK).unwrap();
-    let address = sensor.address().unwrap();
     let machine = SimulatedMachine::from_robot(robot, tool, Motion::Hold).unwrap();
-    let speak = move |tick, _: &Reading<ARMS>| {
-        if let Some(sample) = lie(tick) {
-            sensor.publish(&sample);
-        }
+    let speak = move |tick, reading: &mut Reading<ARMS>| {
+        let told = lie(tick);
+        let tool = reading.tool.as_mut().unwrap();
+        (tool.sensor, tool.sensor_age) = (told.wrench, told.age);
     };
-    (Liar::new(machine, speak), address)
+    Liar::new(machine, speak)
 }
 
 /// Runs a client whose sensor lies, until it ends or, from a tick on, is asked to quit. Returns its
@@ -54,10 +61,10 @@ pub(super) fn machine(
 fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, u64) {
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = TARE;
-    let (liar, sensor) = machine(&robot, lie);
+    let liar = machine(&robot, lie);
     let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
     let controls: Arc<ClientControls> = Arc::default();
-    let (result, rows) = client_session::play(robot, cycle, sensor, &controls, |row| {
+    let (result, rows) = client_session::play(robot, cycle, None, &controls, |row| {
         if row.state.tick.0 >= quit_at {
             controls.quit.store(true, Ordering::Relaxed);
         }
@@ -77,40 +84,84 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
     (result, obtained, last.state.tick.0)
 }
 
-fn honest(tick: u64) -> Sample {
-    let load = if tick < 1_000 { [0.0; 6] } else { LOAD };
-    Sample { tick, wrench: load }
+const fn honest(tick: u64) -> [f64; 6] {
+    if tick < 1_000 { [0.0; 6] } else { LOAD }
+}
+
+/// A sample of an earlier tick, as long as an age can tell it.
+fn taken_at(then: u64, tick: u64) -> Told {
+    Told {
+        wrench: honest(then),
+        age: u8::try_from(tick - then).unwrap_or(u8::MAX),
+    }
 }
 
 #[test]
 fn a_sensor_that_lies_or_falls_silent_is_left() {
-    fn nan_later(tick: u64) -> Option<Sample> {
-        let wrench = if tick > 2_000 {
-            [f64::NAN; 6]
-        } else {
-            honest(tick).wrench
-        };
-        Some(Sample { tick, wrench })
-    }
-    let cases: [(&str, Lie, bool, &str); 5] = [
+    let cases: [(&str, Lie, bool, &str); 8] = [
         (
             "freezes",
-            |tick| Some(honest(tick.min(2_000))),
+            |tick| taken_at(tick.min(2_000), tick),
             true,
             "none has come for too long",
         ),
-        ("says NaN", nan_later, true, "could not be used"),
         (
-            "gets another clock",
-            |tick| Some(honest(if tick > 2_000 { tick + 1_000_000 } else { tick })),
+            "says NaN in one component",
+            |tick| {
+                let mut wrench = honest(tick);
+                wrench[4] = if tick > 2_000 { f64::NAN } else { 0.0 };
+                Told::now(wrench)
+            },
             true,
-            "not the server's",
+            "none has come for too long",
         ),
-        ("never speaks", |_| None, false, "none has come"),
+        (
+            "is beyond its range",
+            |tick| match tick {
+                ..=2_000 => Told::now(honest(tick)),
+                _ => Told::now([1e300, f64::NEG_INFINITY, 0.0, 0.0, 0.0, 0.0]),
+            },
+            true,
+            "100 in a row could not be used: the force is beyond the range of a State",
+        ),
+        (
+            "has a moment beyond its range",
+            |tick| {
+                let mut wrench = honest(tick);
+                wrench[5] = if tick > 2_000 { 2_147.483_648 } else { 0.0 };
+                Told::now(wrench)
+            },
+            true,
+            "the force is beyond the range of a State",
+        ),
+        (
+            "never speaks",
+            |_| Told::NOTHING,
+            false,
+            "none has come for too long with the States",
+        ),
         (
             "repeats one sample",
-            |tick| Some(honest(tick.min(5))),
+            |tick| taken_at(tick.min(5), tick),
             false,
+            "none has come for too long",
+        ),
+        (
+            "is old from the first sample on",
+            |tick| Told {
+                age: u8::MAX,
+                ..Told::now(honest(tick))
+            },
+            false,
+            "none has come for too long",
+        ),
+        (
+            "becomes too old",
+            |tick| Told {
+                age: if tick > 2_000 { 101 } else { 0 },
+                ..Told::now(honest(tick))
+            },
+            true,
             "none has come for too long",
         ),
     ];
@@ -127,6 +178,33 @@ fn a_sensor_that_lies_or_falls_silent_is_left() {
     }
 }
 
+/// A client gives up after 1 000 States without a first sample.
+#[test]
+fn the_first_sample_is_waited_for() {
+    fn late(tick: u64) -> Told {
+        let is_silent = tick < 900;
+        if is_silent {
+            Told::NOTHING
+        } else {
+            Told::now([0.0; 6])
+        }
+    }
+    let (result, obtained, _) = session(late, 2_000);
+    assert!(result.is_ok() && obtained, "{result:?}");
+    let (result, _, last) = session(|_| Told::NOTHING, u64::MAX);
+    assert!(result.is_err() && (1_000..1_100).contains(&last), "{last}");
+}
+
+/// A sensor slower than the cycle repeats its sample with the age that it has: it is used once, and
+/// the session goes on.
+#[test]
+fn a_sensor_slower_than_the_cycle_is_used() {
+    let lie: Lie = |tick| taken_at(tick - tick % 20, tick);
+    let (result, obtained, _) = session(lie, 6_000);
+    assert!(obtained);
+    assert_eq!(result.unwrap().held, 0);
+}
+
 /// Bad samples now and then, each time fewer than end a session and together more: the last
 /// correction is held, and every one is counted.
 #[test]
@@ -136,12 +214,11 @@ fn short_bursts_of_bad_samples_are_tolerated() {
         tick > 2_000 && tick % 500 < BURST
     }
     let lie: Lie = |tick| {
-        let wrench = if is_bad(tick) {
-            [f64::NAN; 6]
+        Told::now(if is_bad(tick) {
+            [1e300; 6]
         } else {
-            honest(tick).wrench
-        };
-        Some(Sample { tick, wrench })
+            honest(tick)
+        })
     };
     let (result, obtained, last) = session(lie, 6_000);
     let report = result.unwrap();

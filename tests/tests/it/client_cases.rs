@@ -2,9 +2,10 @@
 //! every refusal that `wire.md` demands; and what the client that compensates demands in addition.
 
 use std::convert::Infallible;
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::time::Duration;
 
+use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_client::{self, ClientControls, ClientError, ClientOptions, Connection};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Event, Requirements};
@@ -12,7 +13,6 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Mode};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_tests::client_cases::Cases;
-use gantry_tau_tests::server_fixture::LOOPBACK;
 
 /// Answers States until the end.
 fn hold(address: SocketAddr, cases: &Cases) -> ClientError {
@@ -63,11 +63,10 @@ fn compensates_with(bytes: [(usize, u32); 2]) -> ClientError {
         "name": "Welcome", "exit_code": 5, "frames": [{"of": "welcome", "set": set}, {"of": "state"}],
     });
     let (address, serving) = cases.serve(&serde_json::from_value(case).unwrap());
-    let sensor = TcpListener::bind(LOOPBACK).unwrap();
     let options = ClientOptions {
         server: address.into(),
         transport: Transport::Stream,
-        sensor: sensor.local_addr().unwrap().into(),
+        sensor: SensorSource::States,
         accelerometer: None,
         robot: RobotFile::builtin_l2().unwrap(),
         record: None,

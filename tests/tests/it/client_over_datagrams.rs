@@ -1,5 +1,6 @@
 //! The client over UDP: what comes twice, or has been overtaken, is not answered again.
 
+use gantry_tau_client::force_sensor::SensorSource;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::Ordering;
@@ -11,7 +12,6 @@ use gantry_tau_core::control::session::{Connection, Session, Start};
 use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
 use gantry_tau_core::units::{EpochRange, PositionNm, Tick};
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_tests::DEADLINE;
 use gantry_tau_tests::server_fixture::{LOOPBACK, on_time, taken};
 
@@ -87,12 +87,11 @@ impl Server {
 #[test]
 fn every_state_is_answered_once() {
     let robot = RobotFile::builtin_l2().unwrap();
-    let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
     let mut server = Server::of(&robot);
     let options = ClientOptions {
         server: server.socket.local_addr().unwrap().into(),
         transport: Transport::Datagram,
-        sensor: sensor.address().unwrap().into(),
+        sensor: SensorSource::States,
         accelerometer: None,
         robot,
         record: None,

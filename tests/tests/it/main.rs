@@ -29,7 +29,6 @@ mod hostile_traffic;
 mod kill;
 mod labcomm;
 mod labcomm_page;
-mod liar;
 mod no_allocation;
 mod oracle_vectors;
 mod oscillation;

@@ -6,7 +6,6 @@
 
 use std::io::Write;
 use std::net::{SocketAddr, TcpStream};
-use std::sync::atomic::AtomicBool;
 
 use allocation_counter::measure;
 use gantry_tau_core::control::endpoint::Transport;
@@ -16,7 +15,6 @@ use gantry_tau_labcomm::Version;
 use gantry_tau_machine::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau_machine::robot_file::{DriveKeys, RobotFile};
 use gantry_tau_server::black_box::swap_channel::{self, Receiver};
-use gantry_tau_server::links::sensor::{SensorPublisher, SensorReader};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::publication::{Publication, SampleName};
 use gantry_tau_server::record::TickRecord;
@@ -33,7 +31,6 @@ use gantry_tau_tests::wait_for;
 struct Server<const N: usize, const M: usize> {
     cycle: Cycle<N, M, SimulatedMachine<N, M>>,
     hand: LoadGenerator,
-    sensor: SensorReader,
     black_boxes: Receiver<N>,
     /// The LabComm port.
     port: SocketAddr,
@@ -47,9 +44,6 @@ impl<const N: usize, const M: usize> Server<N, M> {
         let machine = SimulatedMachine::from_robot(robot, tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::NONE).unwrap();
         let motors = robot.motor_map().unwrap();
-        let publisher = SensorPublisher::bind(LOOPBACK).unwrap();
-        let sensor =
-            SensorReader::connect(publisher.address().unwrap(), &AtomicBool::new(false)).unwrap();
         let port = Publication::bind::<N>(
             LOOPBACK,
             Version::V2006,
@@ -74,14 +68,10 @@ impl<const N: usize, const M: usize> Server<N, M> {
         )
         .unwrap();
         let (sender, black_boxes) = swap_channel::channel();
-        let cycle = cycle
-            .with_sensor(publisher)
-            .with_sensors(vec![port])
-            .with_black_box(sender);
+        let cycle = cycle.with_sensors(vec![port]).with_black_box(sender);
         Self {
             cycle,
             hand,
-            sensor,
             black_boxes,
             port: address,
             _readers: readers,
@@ -234,10 +224,11 @@ fn allocates_nothing<const N: usize, const M: usize>(mut server: Server<N, M>) {
         assert_eq!(row.state.phase, Phase::Obtain);
     }
     crowd.clear();
-    let tool = server.tick(false).tool.unwrap();
+    let row = server.tick(false);
+    let tool = row.tool.unwrap();
     assert!(tool.displacement_m[0] > 1e-5, "without a pull: {tool:?}");
-    let sample = server.sensor.latest().unwrap().expect("no sample came");
-    assert!(sample.tick > 300);
+    let shown = row.state.sensor.unwrap().to_si();
+    assert!((shown[0] - tool.sensor[0]).abs() <= 0.6e-3);
     drop(client);
     let mut cause = None;
     wait_for("the ramp", || {

@@ -11,11 +11,10 @@ use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_machine::model::L2_MOTORS;
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::links::sensor::Sample;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_tests::client_session;
 
-use super::bad_sensor::{Lie, machine};
+use super::bad_sensor::{Lie, Told, machine};
 
 /// Frequency of the swinging load, Hz: above 0.6 times the lowest mode of an L2 at home, 12.4 Hz.
 const HZ: f64 = 14.0;
@@ -28,7 +27,7 @@ const QUITS: u64 = 8_000;
 
 /// A load along x that swings from 4 N on, `e` times as wide every third of a second, up to 400 N;
 /// then 30 N.
-fn growing(tick: u64) -> Option<Sample> {
+fn growing(tick: u64) -> Told {
     let swinging = u32::try_from(tick.saturating_sub(SWINGS)).unwrap();
     let t = f64::from(swinging) * 1e-3;
     let force_n = match tick {
@@ -36,16 +35,14 @@ fn growing(tick: u64) -> Option<Sample> {
         SWINGS..RESTS => (4.0 * (3.0 * t).exp()).min(400.0) * (TAU * HZ * t).sin(),
         _ => 30.0,
     };
-    let wrench = [force_n, 0.0, 0.0, 0.0, 0.0, 0.0];
-    Some(Sample { tick, wrench })
+    Told::now([force_n, 0.0, 0.0, 0.0, 0.0, 0.0])
 }
 
 /// Load steps of 60 N, two a second.
-fn steps(tick: u64) -> Option<Sample> {
+fn steps(tick: u64) -> Told {
     let is_pulled = tick > SWINGS && (tick / 250) % 2 == 0;
     let force_n = if is_pulled { 60.0 } else { 0.0 };
-    let wrench = [force_n, 0.0, 0.0, 0.0, 0.0, 0.0];
-    Some(Sample { tick, wrench })
+    Told::now([force_n, 0.0, 0.0, 0.0, 0.0, 0.0])
 }
 
 /// Runs a client until the tick [`QUITS`], and asks for Obtain at [`ASKED`]. Returns its report and
@@ -58,10 +55,10 @@ fn session(lie: Lie, leave_on_oscillation: bool) -> (ClientReport, Vec<TickRecor
     for axis in &mut robot.limits {
         axis.agitation = None;
     }
-    let (liar, sensor) = machine(&robot, lie);
+    let liar = machine(&robot, lie);
     let cycle = client_session::cycle::<_, ARMS, L2_MOTORS, _>(&robot, liar);
     let controls = Arc::default();
-    let (report, rows) = client_session::play(robot, cycle, sensor, &controls, |row| {
+    let (report, rows) = client_session::play(robot, cycle, None, &controls, |row| {
         if row.state.tick.0 == ASKED {
             controls.obtain.store(true, Ordering::Relaxed);
         }

@@ -8,7 +8,9 @@ use std::sync::atomic::AtomicBool;
 use gantry_tau::monitor::ServerMonitor;
 use gantry_tau::monitor::web::Web;
 use gantry_tau_server::links::Allowed;
-use gantry_tau_server::links::sensor::{Sample, SensorPublisher, SensorReader};
+use gantry_tau_server::links::accelerometer::{
+    Acceleration, AccelerometerPublisher, AccelerometerReader,
+};
 use gantry_tau_server::links::subscribers::MAX_SUBSCRIBERS;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::{DEADLINE, wait_for};
@@ -16,16 +18,16 @@ use socket2::{Domain, Socket, Type};
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
-/// A sensor's port, and the ticks that it has published.
+/// An accelerometer's port, and the ticks that it has published.
 struct Port {
-    publisher: SensorPublisher,
+    publisher: AccelerometerPublisher,
     tick: u64,
 }
 
 impl Port {
     fn new() -> Self {
         Self {
-            publisher: SensorPublisher::bind(LOOPBACK).unwrap(),
+            publisher: AccelerometerPublisher::bind(LOOPBACK).unwrap(),
             tick: 0,
         }
     }
@@ -36,15 +38,15 @@ impl Port {
 
     fn tick(&mut self) {
         self.tick += 1;
-        self.publisher.publish(&Sample {
+        self.publisher.publish(&Acceleration {
             tick: self.tick,
-            wrench: [0.0; 6],
+            components: [0.0; 6],
         });
     }
 
     /// A reader that has its first sample.
-    fn reader(&mut self) -> SensorReader {
-        let mut reader = SensorReader::connect(self.address(), &NEVER).unwrap();
+    fn reader(&mut self) -> AccelerometerReader {
+        let mut reader = AccelerometerReader::connect(self.address(), &NEVER).unwrap();
         wait_for("the first sample", || {
             self.tick();
             reader.latest().unwrap().is_some()
@@ -63,7 +65,8 @@ fn from(host: u8, port: SocketAddr) -> TcpStream {
     socket.into()
 }
 
-/// Found from outside: four connections that read nothing kept the client from its sensor.
+/// Found from outside: four connections that read nothing kept the client from its sensor, which had a
+/// port then.
 #[test]
 fn readers_that_read_nothing_lose_their_places() {
     let mut port = Port::new();
@@ -74,14 +77,14 @@ fn readers_that_read_nothing_lose_their_places() {
         port.tick();
     }
     // It waits until one of them is behind.
-    let mut reader = SensorReader::connect(port.address(), &NEVER).unwrap();
+    let mut reader = AccelerometerReader::connect(port.address(), &NEVER).unwrap();
     let mut served = false;
     for _ in 0..200_000 {
         port.tick();
         match reader.latest() {
             Ok(latest) => served |= latest.is_some(),
             // Closed behind another one that waits: it comes again.
-            Err(_) => reader = SensorReader::connect(port.address(), &NEVER).unwrap(),
+            Err(_) => reader = AccelerometerReader::connect(port.address(), &NEVER).unwrap(),
         }
         if served {
             return;

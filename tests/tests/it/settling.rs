@@ -8,13 +8,12 @@ use gantry_tau_core::control::message::Phase;
 use gantry_tau_machine::model::{CorrectionKind, F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau_machine::robot_file::{AccelerometerKeys, RobotFile};
 use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
-use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
 use gantry_tau_sim::load_pattern::{LoadPattern, Milling};
 use gantry_tau_sim::machine::SimulatedMachine;
-use gantry_tau_tests::client_session::{self, Instruments};
+use gantry_tau_tests::client_session;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 use nalgebra::Vector3;
 
@@ -45,19 +44,13 @@ fn loaded<K: MachineKind<N>, const N: usize, const M: usize>(
 ) -> Vec<TickRecord<N>> {
     let (mut hand, tool) = load_generator();
     let machine = SimulatedMachine::<N, M>::moving_from_robot(&robot, tool, Motion::Hold).unwrap();
-    let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
-    let address = sensor.address().unwrap();
     let accelerometer = AccelerometerPublisher::bind(LOOPBACK).unwrap();
-    let instruments = Instruments {
-        sensor: address,
-        accelerometer: Some(accelerometer.address().unwrap()),
-    };
-    let cycle = client_session::cycle::<_, N, M, _>(&robot, machine)
-        .with_sensor(sensor)
-        .with_accelerometer(accelerometer);
+    let address = accelerometer.address().unwrap();
+    let cycle =
+        client_session::cycle::<_, N, M, _>(&robot, machine).with_accelerometer(accelerometer);
     let mut obtaining = 0;
     let controls = Arc::default();
-    let (report, mut rows) = client_session::play(robot, cycle, instruments, &controls, |row| {
+    let (report, mut rows) = client_session::play(robot, cycle, Some(address), &controls, |row| {
         obtaining += usize::from(row.state.phase == Phase::Obtain);
         if obtaining == BEFORE {
             load(&mut hand);

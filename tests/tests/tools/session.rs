@@ -7,7 +7,6 @@
     reason = "tests fail by panicking"
 )]
 
-use std::net::SocketAddr;
 use std::process::{Child, Output};
 use std::time::{Duration, Instant};
 
@@ -15,10 +14,10 @@ use gantry_tau_core::Monitor;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::EpochRange;
-use gantry_tau_machine::model::{L2_MOTORS, MachineKind};
+use gantry_tau_machine::model::{L2, L2_MOTORS, MachineKind};
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::plant::{Plant, Reading};
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_server::server::Server;
 use gantry_tau_server::server::cycle::Cycle;
@@ -28,6 +27,7 @@ use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::load_profile::LoadProfile;
 use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_sim::workpiece::Workpiece;
+use gantry_tau_tests::liar::Liar;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
 /// Longest life of a program and wait for a row.
@@ -45,7 +45,6 @@ pub(crate) enum Tool {
 /// A running server, and every row so far.
 pub(crate) struct Session {
     server: Server<ARMS>,
-    sensor: SocketAddr,
     observer: rtrb::Consumer<TickRecord<ARMS>>,
     monitor: Monitor<ARMS>,
     load: LoadProfile,
@@ -68,16 +67,30 @@ impl Session {
                 (0.0, 1.0)
             }
         };
-        let sensor = SensorPublisher::bind(LOOPBACK).unwrap();
-        let address = sensor.address().unwrap();
-        let cycle = cycle(&robot, machine).with_sensor(sensor);
+        let load = LoadProfile::new(hand, force_max_n, seconds);
+        Self::serving(&robot, machine, load)
+    }
+
+    /// Starts one whose readings are changed, without a load.
+    pub(crate) fn lying(speak: impl FnMut(u64, &mut Reading<ARMS>) + Send + 'static) -> Self {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let (hand, applied) = load_generator();
+        let machine = SimulatedMachine::from_robot(&robot, applied, Motion::Hold).unwrap();
+        let load = LoadProfile::new(hand, 0.0, 1.0);
+        Self::serving(&robot, Liar::new(machine, speak), load)
+    }
+
+    fn serving(
+        robot: &RobotFile<L2, ARMS>,
+        plant: impl Plant<ARMS, L2_MOTORS> + 'static,
+        load: LoadProfile,
+    ) -> Self {
+        let cycle = cycle(robot, plant);
         let (server, observer) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
         let travel = robot.limits.map(|axis| axis.machine_travel);
         let monitor = Monitor::new(robot.limits.map(|axis| axis.limits), Some(travel));
-        let load = LoadProfile::new(hand, force_max_n, seconds);
         Self {
             server,
-            sensor: address,
             observer,
             monitor,
             load,
@@ -85,9 +98,9 @@ impl Session {
         }
     }
 
-    /// Addresses of server and force sensor.
-    pub(crate) fn addresses(&self) -> [String; 2] {
-        [self.server.address, self.sensor].map(|address| address.to_string())
+    /// Address of the server.
+    pub(crate) fn address(&self) -> String {
+        self.server.address.to_string()
     }
 
     /// Presses the stop at the machine.
@@ -192,7 +205,7 @@ impl Session {
     }
 }
 
-fn cycle<K: MachineKind<ARMS>, P: gantry_tau_server::plant::Plant<ARMS, L2_MOTORS>>(
+fn cycle<K: MachineKind<ARMS>, P: Plant<ARMS, L2_MOTORS>>(
     robot: &RobotFile<K, ARMS>,
     machine: P,
 ) -> Cycle<ARMS, L2_MOTORS, P> {

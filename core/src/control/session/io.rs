@@ -6,6 +6,7 @@ use crate::control::axis::{Actual, InForce, Reference};
 use crate::control::message::{
     AxisState, Cause, ClientMessage, ContentError, Counters, FrameError, Phase, Refusal, State,
 };
+use crate::control::wrench::WrenchSample;
 use crate::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
 
 /// Events that one tick can take: 8 frames of the owner, its flood or broken stream, a Stop behind
@@ -103,6 +104,8 @@ pub struct TickInput<const N: usize> {
     /// Nominal references and measurements; `None` when the machine could not be read, which stops:
     /// the last nominal references stand, and count as in force until the machine is read again.
     pub reading: Option<Reading<N>>,
+    /// Sample of the force sensor, which the State carries to the client; `None` without one.
+    pub sensor: Option<WrenchSample>,
     /// The stop at the machine is asserted. It is latched until a re-arm ([`Output::latched`]).
     pub stop: bool,
     /// The program is to end: ramps as a stop does, and latches nothing. Held until the program
@@ -153,6 +156,7 @@ impl<const N: usize> Input<N> {
             tick: TickInput {
                 elapsed_cycles: 1,
                 reading: Some(Reading::unmeasured([PositionNm(0); N])),
+                sensor: None,
                 stop: false,
                 quit: false,
                 rearm: false,
@@ -232,6 +236,7 @@ impl<const N: usize> Output<N> {
             arrival_us: 0,
             ramp_ticks_left: 0,
             counters: Counters::default(),
+            sensor: None,
             axes: [AxisState::default(); N],
         };
         Self {

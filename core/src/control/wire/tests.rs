@@ -1,5 +1,7 @@
 //! Round trips, canonical encoding, and the deframer over every way to cut a stream.
 
+use crate::control::wrench::WrenchSample;
+use crate::units::{ForceMn, MomentUnm};
 use proptest::prelude::*;
 use std::vec::Vec as StdVec;
 
@@ -70,6 +72,12 @@ fn from_server<const N: usize>() -> StdVec<ServerMessage<N>> {
             non_owner: 20,
             longest_miss_run: 21,
         },
+        sensor: Some(WrenchSample {
+            age: 254,
+            is_cut: true,
+            force: [i32::MIN, 1_000, -3].map(ForceMn),
+            moment: [i32::MAX, -2, 0].map(MomentUnm),
+        }),
         axes: core::array::from_fn(|axis| AxisState {
             nominal: PositionNm(i64::MIN + 5),
             offsets: offsets(axis),

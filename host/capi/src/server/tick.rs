@@ -1,16 +1,21 @@
 //! Inputs and outputs of a tick.
 
+use core::ptr::null_mut;
+
 use gantry_tau_core::control::axis::{Actual, InForce, Reference};
 use gantry_tau_core::control::endpoint::{CONNECTIONS, MotorMap, Write};
 use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
 use gantry_tau_core::control::session::{Held, Output, Reading, TickInput};
-use gantry_tau_core::units::{PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::wrench::WrenchSample;
+use gantry_tau_core::model::statics::Wrench;
+use gantry_tau_core::units::{ForceMn, MomentUnm, PositionNm, TorquePermille, VelocityUmS};
 
 use super::config::{gt_in_force, gt_offsets};
 use super::{GT_MAX_AXES, GT_MAX_CONNECTIONS, GT_MAX_MOTORS};
 use crate::code::gt_code;
 use crate::error::{gt_error, gt_parameter, small};
-use crate::memory::{Reply, resized};
+use crate::machine::gt_wrench;
+use crate::memory::{Reply, answer, read, resized};
 use crate::padding::{padded, without_padding};
 
 const _: () = assert!(GT_MAX_CONNECTIONS == CONNECTIONS, "the constant is core's");
@@ -89,10 +94,52 @@ pub struct gt_tick_input {
     /// The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen
     /// released in Fault.
     pub rearm: u8,
+    /// Sample of the force sensor, for the client; zero without one.
+    pub sensor: gt_wrench_sample,
     /// Nominal references of this cycle, nm.
     pub nominal_nm: [i64; GT_MAX_AXES],
     /// Measurements of the drives.
     pub actual: [gt_actual; GT_MAX_AXES],
+}
+
+/// There is no sample.
+pub const GT_SAMPLE_NONE: u8 = 0;
+/// There is a sample.
+pub const GT_SAMPLE_DONE: u8 = 1;
+/// There is a sample, with a component that was cut to its range: not to be used as a measurement.
+pub const GT_SAMPLE_CUT: u8 = 2;
+
+/// Sample of the force sensor. The server decides nothing by it: its State carries it to the client.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct gt_wrench_sample {
+    /// GT_SAMPLE_NONE: the rest is not looked at; GT_SAMPLE_DONE or GT_SAMPLE_CUT.
+    pub status: u8,
+    /// Ticks since it was measured: 0 in this tick, 255 for 255 or more.
+    pub age: u8,
+    /// Force, the sensor's axes, mN.
+    pub force_mn: [i32; 3],
+    /// Moment about the sensor's origin, the sensor's axes, uN m.
+    pub moment_unm: [i32; 3],
+}
+
+/// Rounds a raw sample of a force sensor (sensor axes, about its origin) to the nearest mN and uN m.
+/// A component beyond 2^31 - 1 of them is cut, and `status` says so; with a NaN there is no sample.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_wrench_sample_of(
+    raw: *const gt_wrench,
+    age: u8,
+    sample: *mut gt_wrench_sample,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(sample, null_mut(), || {
+            let raw = Wrench::from(read(raw)?);
+            let sample = WrenchSample::from_si(&raw.to_array(), age);
+            Ok(sample.ok().into())
+        })
+    }
 }
 
 /// References that one motor's drive receives.
@@ -242,6 +289,8 @@ pub struct gt_state {
     pub on_time_of_100: u8,
     /// Counts since the session was granted.
     pub counters: gt_counters,
+    /// Sample of the force sensor, as given.
+    pub sensor: gt_wrench_sample,
     /// Number of axes.
     pub axis_count: u32,
     /// The axes; unused entries are zero.
@@ -281,12 +330,13 @@ without_padding!(gt_phase gt_cause);
 padded! {
     gt_actual { position_nm velocity_um_s torque_permille }
     gt_reference { position_nm velocity_offset_um_s torque_offset_permille }
+    gt_wrench_sample { status age force_mn moment_unm }
     gt_held { write follows motor_count motors }
     gt_counters {
         received missed late duplicate stale malformed out_of_range limited clamped non_owner longest_miss_run
     }
     gt_axis_state { nominal_nm offsets shadow actual flags }
-    gt_state { tick epoch accepted phase cause ramp_ticks_left arrival_us on_time_of_100 counters axis_count axes }
+    gt_state { tick epoch accepted phase cause ramp_ticks_left arrival_us on_time_of_100 counters sensor axis_count axes }
     gt_tick_output { write motor_count motors refused welcomed has_owner owner ended latched state }
 }
 
@@ -317,10 +367,46 @@ impl gt_tick_input {
                 GT_READING_FAILED => None,
                 other => return Err(refused(other, gt_parameter::Reading)),
             },
+            sensor: self.sensor.to_core()?,
             stop: pressed(self.stop, gt_parameter::Stop)?,
             quit: self.quit != 0,
             rearm: pressed(self.rearm, gt_parameter::Rearm)?,
         })
+    }
+}
+
+impl gt_wrench_sample {
+    fn to_core(self) -> Reply<Option<WrenchSample>> {
+        let is_cut = match self.status {
+            GT_SAMPLE_NONE => return Ok(None),
+            GT_SAMPLE_DONE => false,
+            GT_SAMPLE_CUT => true,
+            other => return Err(refused(other, gt_parameter::Sensor)),
+        };
+        Ok(Some(WrenchSample {
+            age: self.age,
+            is_cut,
+            force: self.force_mn.map(ForceMn),
+            moment: self.moment_unm.map(MomentUnm),
+        }))
+    }
+}
+
+impl From<Option<WrenchSample>> for gt_wrench_sample {
+    fn from(sample: Option<WrenchSample>) -> Self {
+        let Some(sample) = sample else {
+            return Self::default();
+        };
+        Self {
+            status: if sample.is_cut {
+                GT_SAMPLE_CUT
+            } else {
+                GT_SAMPLE_DONE
+            },
+            age: sample.age,
+            force_mn: sample.force.map(|force| force.0),
+            moment_unm: sample.moment.map(|moment| moment.0),
+        }
     }
 }
 
@@ -483,6 +569,7 @@ impl<const N: usize> From<&State<N>> for gt_state {
             arrival_us: state.arrival_us,
             on_time_of_100: state.on_time_of_100,
             counters: state.counters.into(),
+            sensor: state.sensor.into(),
             axis_count: small(N),
             axes: resized(&state.axes, AxisState::default()).map(gt_axis_state::from),
         }

@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::signals;
 use crate::terminal::say;
 use clap::Args;
+use gantry_tau_client::force_sensor::Sample;
 use gantry_tau_client::{ClientControls, ClientError, ClientOptions, Observer, operator};
 use gantry_tau_core::control::message::{State, Welcome};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::links::sensor::Sample;
 use gantry_tau_system::dial::Addresses;
 
 use super::outputs::NamedInput;
@@ -63,7 +63,7 @@ impl MachineCommand for Client {
         let options = ClientOptions {
             server: self.server,
             transport: transport(self.udp),
-            sensor: self.instruments.sensor,
+            sensor: self.instruments.sensor.unwrap_or_default(),
             accelerometer: Some(self.instruments.accelerometer),
             robot,
             record: self.recording.to(),

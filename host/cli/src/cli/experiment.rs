@@ -213,7 +213,7 @@ impl Experiment {
             plan,
             server: self.server.clone(),
             transport: transport(self.udp),
-            sensor: self.instruments.sensor.clone(),
+            sensor: self.instruments.sensor.clone().unwrap_or_default(),
             accelerometer: Some(self.instruments.accelerometer.clone()),
             gauges: (!self.ask_gauges).then(|| self.gauges.clone()),
             obtain: self.obtain,

@@ -23,7 +23,6 @@ use gantry_tau_server::black_box::swap_channel;
 use gantry_tau_server::links::Allowed;
 use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
 use gantry_tau_server::links::gauges::GaugePublisher;
-use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::publication::{MachineIdentity, Publication};
@@ -70,9 +69,6 @@ pub(crate) struct Serve {
     /// address that is not of this machine alone
     #[arg(long, value_name = "IP|IP/BITS")]
     allow: Vec<String>,
-    /// Address of the simulated force sensor
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", value_parser = address)]
-    sensor: SocketAddr,
     /// Address of the simulated accelerometer, of a machine with a section [sensor.accelerometer]
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7004", value_parser = address)]
     accelerometer: SocketAddr,
@@ -241,7 +237,7 @@ impl MachineCommand for Serve {
         let gauges = self.plan.is_some().then_some(self.gauges);
         let has_accelerometer = robot.sensor.accelerometer.is_some();
         let accelerometer = has_accelerometer.then_some(self.accelerometer);
-        let own = [Some(self.listen), Some(self.sensor), accelerometer, gauges];
+        let own = [Some(self.listen), accelerometer, gauges];
         for address in own
             .into_iter()
             .flatten()
@@ -324,7 +320,6 @@ impl Owned {
 /// Addresses of a server.
 pub(super) struct Ports {
     clients: Listening,
-    sensor: SensorPublisher,
     accelerometer: Option<AccelerometerPublisher>,
     publications: Vec<Publication>,
 }
@@ -356,13 +351,11 @@ impl Serve {
             ports:
                 Ports {
                     clients,
-                    sensor,
                     accelerometer,
                     publications,
                 },
             state,
         } = owned;
-        let sensor_address = sensor.address()?;
         let accelerometers = (accelerometer.iter())
             .map(|link| Ok(format!(", accelerometer on {}", link.address()?)));
         let ports = publications
@@ -402,9 +395,7 @@ impl Serve {
         }
         let (machine, mut each) = open()?;
         let cycle = Cycle::listening(config, motors, machine, epochs, latch, clients)?;
-        let mut cycle = loops(cycle, robot.position_loops)?
-            .with_sensor(sensor)
-            .with_sensors(sensors);
+        let mut cycle = loops(cycle, robot.position_loops)?.with_sensors(sensors);
         if let Some(accelerometer) = accelerometer {
             cycle = cycle.with_accelerometer(accelerometer);
         }
@@ -422,7 +413,7 @@ impl Serve {
         let (server, mut rows) = Server::spawn_controlled(cycle, self.pace.into(), controls)?;
         self.give_up_privileges();
         say(format_args!(
-            "listening on {}{}, force sensor on {sensor_address}{ports}; Ctrl-C ramps to zero and ends",
+            "listening on {}{}{ports}; Ctrl-C ramps to zero and ends",
             server.address,
             if self.udp { " (UDP)" } else { "" },
         ));
@@ -523,7 +514,7 @@ impl Serve {
         )?)
     }
 
-    /// Owns the addresses for clients, sensor, accelerometer and LabComm, in this order.
+    /// Owns the addresses for clients, accelerometer and LabComm, in this order.
     pub(super) fn own_ports<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
@@ -535,9 +526,6 @@ impl Serve {
             allowed: allowed.clone(),
         };
         let clients = Listening::bind(&listen)?;
-        let sensor = SensorPublisher::bind(self.sensor)
-            .map(|sensor| sensor.for_peers(allowed.clone()))
-            .map_err(|error| ServerError::listen(self.sensor, &error))?;
         let accelerometer = (robot.sensor.accelerometer.as_ref())
             .map(|_| AccelerometerPublisher::bind(self.accelerometer))
             .transpose()
@@ -550,7 +538,6 @@ impl Serve {
         )?;
         Ok(Ports {
             clients,
-            sensor,
             accelerometer,
             publications,
         })

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_client::{
     self, ClientControls, ClientError, ClientOptions, ClientReport, Connection,
 };
@@ -18,7 +19,6 @@ use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::black_box::{Window, swap_channel};
 use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
-use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::server::Server;
 use gantry_tau_server::server::cycle::Cycle;
@@ -131,8 +131,6 @@ where
     let axes = config.parameters().axes;
     let travel = axes.map(|axis| axis.machine_travel);
     let monitor = Monitor::new(axes.map(|axis| axis.limits), Some(travel));
-    let sensor = SensorPublisher::bind(LOOPBACK)?;
-    let sensor_address = sensor.address()?;
     let accelerometer = (robot.sensor.accelerometer.as_ref())
         .map(|_| AccelerometerPublisher::bind(LOOPBACK))
         .transpose()?;
@@ -152,7 +150,6 @@ where
     if options.black_box.is_some() {
         cycle = cycle.with_black_box(sender);
     }
-    cycle = cycle.with_sensor(sensor);
     if let Some(accelerometer) = accelerometer {
         cycle = cycle.with_accelerometer(accelerometer);
     }
@@ -167,7 +164,7 @@ where
     let client_options = ClientOptions {
         server: relay.address.into(),
         transport: Transport::Stream,
-        sensor: sensor_address.into(),
+        sensor: SensorSource::States,
         accelerometer: accelerometer_address.map(Into::into),
         robot: options.client.clone(),
         record: options.record.clone(),

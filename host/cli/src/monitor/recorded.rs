@@ -311,6 +311,7 @@ fn row<const N: usize>(
             arrival_us: 0,
             ramp_ticks_left: count(state.ramp_ticks_left),
             counters: counters(state),
+            sensor: None,
             axes: states,
         },
         references: axes.map(|axis| Reference {
@@ -322,6 +323,7 @@ fn row<const N: usize>(
             step: count(tool.step),
             load: tool.load,
             sensor: [0.0; 6],
+            sensor_age: 0,
             acceleration: None,
             displacement_m: tool.displacement_m,
             turn_rad: tool.turn_rad,

@@ -6,13 +6,7 @@ use crate::process::Folder;
 
 const L2: &str = include_str!("../../../../robots/l2.toml");
 /// A server on free ports.
-const SERVE: [&str; 5] = [
-    "serve",
-    "--listen",
-    "127.0.0.1:0",
-    "--sensor",
-    "127.0.0.1:0",
-];
+const SERVE: [&str; 3] = ["serve", "--listen", "127.0.0.1:0"];
 
 #[track_caller]
 fn assert_says(line: &str, words: &[&str]) {
@@ -28,11 +22,10 @@ fn a_port_in_use_is_named_and_costs_no_recording() {
     let port = taken.local_addr().unwrap().to_string();
     folder.write("old.csv", "kept\n");
     for arguments in [
-        ["--listen", &port, "--sensor", "127.0.0.1:0"],
-        ["--listen", "127.0.0.1:0", "--sensor", &port],
+        &["--listen", &port][..],
+        &["--listen", "127.0.0.1:0", "--labcomm", &port],
     ] {
-        let mut all = vec!["serve", "--record", "old.csv"];
-        all.extend(arguments);
+        let all = [&["serve", "--record", "old.csv"], arguments].concat();
         let line = folder.run(&all).failure(1);
         assert_says(&line, &[&port, "in use"]);
     }
@@ -57,8 +50,9 @@ fn a_server_that_is_not_there_is_named_and_costs_no_recording() {
     // A server without a sensor.
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let there = server.local_addr().unwrap().to_string();
+    let sensor = format!("labcomm:{address}");
     let line = folder
-        .run(&["client", &there, "--sensor", address, "--record", "old.csv"])
+        .run(&["client", &there, "--sensor", &sensor, "--record", "old.csv"])
         .failure(3);
     assert_says(&line, &["force sensor", address, "cannot be reached"]);
     assert_eq!(
@@ -76,7 +70,7 @@ fn an_address_that_is_none_is_refused() {
         ["client", "127.0.0.1:99999"],
         ["client", "no.such.host.invalid:7000"],
         ["serve", "--listen=:"],
-        ["serve", "--sensor=127.0.0.1:x"],
+        ["serve", "--gauges=127.0.0.1:x"],
     ] {
         let line = folder.run(&arguments).failure(2);
         let value = arguments[1].rsplit('=').next().unwrap();
@@ -181,7 +175,7 @@ fn a_file_that_cannot_be_written_is_named() {
         for (command, option) in [
             (&SERVE[..], "--record"),
             (&SERVE[..], "--epoch-file"),
-            (&["client", &address, "--sensor", &address][..], "--record"),
+            (&["client", &address][..], "--record"),
             (&short[..], "--record"),
             (&short[..], "--report"),
             (&short[..], "--json"),

@@ -33,7 +33,7 @@ fn bus() -> String {
 
 fn serve(folder: &Folder, robot: &str, plant: &str) -> Ended {
     folder.run(&[
-        "serve", "--robot", robot, "--listen", FREE, "--sensor", FREE, "--plant", plant,
+        "serve", "--robot", robot, "--listen", FREE, "--plant", plant,
     ])
 }
 
@@ -58,8 +58,6 @@ fn an_emulated_bus_is_served_and_ends_in_order() {
             file,
             "--listen",
             FREE,
-            "--sensor",
-            FREE,
             "--pace",
             "lockstep",
             "--plant",
@@ -72,12 +70,8 @@ fn an_emulated_bus_is_served_and_ends_in_order() {
         }
         server.await_words("Ctrl-C");
         let said = server.stdout();
-        let [listen, sensor] =
-            ["listening on ", "force sensor on "].map(|words| address_behind(&said, words));
-        let mut client = folder.start(
-            "client",
-            &["client", &listen, "--sensor", &sensor, "--robot", file],
-        );
+        let listen = address_behind(&said, "listening on ");
+        let mut client = folder.start("client", &["client", &listen, "--robot", file]);
         server.await_words("Submit -> Obtain");
         server.write("quit\n");
         let ended = server.end();

@@ -42,8 +42,8 @@ fn a_client_compensates_although_its_disk_is_full() {
     for full in FULL {
         let folder = Folder::new(&format!("client_{full}"));
         symlink("/dev/full", folder.path(full)).unwrap();
-        let (mut server, [address, sensor]) = serve(&folder, &[]);
-        let arguments = ["client", &address, "--sensor", &sensor, "--record", full];
+        let (mut server, address) = serve(&folder, &[]);
+        let arguments = ["client", &address, "--record", full];
         let owner = folder.start("owner", &arguments);
         await_obtain(&mut server, 1);
         let said = owner.stop().success();

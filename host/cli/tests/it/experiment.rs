@@ -220,9 +220,8 @@ fn a_plan_that_cannot_be_is_one_line() {
     assert_eq!(folder.read("plan.toml"), PLAN);
 }
 
-/// Starts the simulated machine of the plan; also returns the addresses of gauges, server and force
-/// sensor.
-fn serve(folder: &Folder) -> (Running, [String; 3]) {
+/// Starts the simulated machine of the plan; also returns the addresses of gauges and server.
+fn serve(folder: &Folder) -> (Running, [String; 2]) {
     let free = "127.0.0.1:0";
     let mut server = folder.start(
         "serve",
@@ -234,16 +233,13 @@ fn serve(folder: &Folder) -> (Running, [String; 3]) {
             "lockstep",
             "--listen",
             free,
-            "--sensor",
-            free,
             "--gauges",
             free,
         ],
     );
     server.await_words("Ctrl-C");
     let said = server.stdout();
-    let addresses = ["plan.toml on ", "listening on ", "force sensor on "]
-        .map(|words| address_behind(&said, words));
+    let addresses = ["plan.toml on ", "listening on "].map(|words| address_behind(&said, words));
     (server, addresses)
 }
 
@@ -252,14 +248,12 @@ fn a_signal_leaves_and_the_table_is_continued() {
     let folder = Folder::new("experiment-live");
     folder.write("plan.toml", PLAN);
     let (mut server, addresses) = serve(&folder);
-    let [gauges, listen, sensor] = &addresses;
+    let [gauges, listen] = &addresses;
     let arguments = [
         "experiment",
         "plan.toml",
         "--server",
         listen,
-        "--sensor",
-        sensor,
         "--gauges",
         gauges,
         "--unattended",
@@ -302,10 +296,8 @@ fn series_with_compensation_are_measured_in_obtain() {
         "plan.toml",
         &format!("{before}[[series]]{off}[[series]]{on}compensated = true\n"),
     );
-    let (server, [gauges, listen, sensor]) = serve(&folder);
-    let addresses = [
-        "--server", &listen, "--sensor", &sensor, "--gauges", &gauges,
-    ];
+    let (server, [gauges, listen]) = serve(&folder);
+    let addresses = ["--server", &listen, "--gauges", &gauges];
     let arguments = [
         "experiment",
         "plan.toml",
@@ -341,12 +333,10 @@ fn gauges_that_are_gone_are_reported_and_the_server_hears_a_goodbye() {
         "plan.toml",
         &PLAN.replacen("levels_n = [0.0, 60.0, 0.0]", &levels, 1),
     );
-    let (mut server, [gauges, listen, sensor]) = serve(&folder);
+    let (mut server, [gauges, listen]) = serve(&folder);
     let relay = TcpListener::bind("127.0.0.1:0").unwrap();
     let relayed = relay.local_addr().unwrap().to_string();
-    let addresses = [
-        "--server", &listen, "--sensor", &sensor, "--gauges", &relayed,
-    ];
+    let addresses = ["--server", &listen, "--gauges", &relayed];
     let arguments = [
         "experiment",
         "plan.toml",
@@ -392,8 +382,6 @@ fn an_absent_server_is_one_line() {
         "experiment",
         "plan.toml",
         "--server",
-        absent,
-        "--sensor",
         absent,
         "--gauges",
         absent,

@@ -27,10 +27,10 @@ fn link(folder: &Folder, to: &str, further: &[&str]) -> (Running, String) {
 fn a_scripted_fault_ends_the_session_and_is_counted() {
     let folder = Folder::new("faults");
     folder.write("script", &entry("at_frame = 300", "up", "corrupt"));
-    let (mut server, [address, sensor]) = serve(&folder, &[]);
+    let (mut server, address) = serve(&folder, &[]);
     let (link, through) = link(&folder, &address, &["--script", "script", "--json"]);
     // The server closes at once after a broken frame; its log has the reason.
-    let line = (client(&folder, "client", &[through, sensor]).end()).failure(7);
+    let line = (client(&folder, "client", &through).end()).failure(7);
     assert!(line.contains("the server vanished"), "{line}");
     server.await_words("broken frame boundary or checksum");
     server.await_words("SafeDisconnect -> Listening");
@@ -51,7 +51,7 @@ fn a_scripted_fault_ends_the_session_and_is_counted() {
 fn a_client_tolerates_lost_doubled_and_reordered_datagrams() {
     let folder = Folder::new("faults-udp-session");
     folder.write("script", &entry("at_frame = 1", "up", "drop"));
-    let (mut server, [address, sensor]) = serve(&folder, &["--udp"]);
+    let (mut server, address) = serve(&folder, &["--udp"]);
     let faults = [
         "--udp",
         "--duplicate",
@@ -62,7 +62,7 @@ fn a_client_tolerates_lost_doubled_and_reordered_datagrams() {
         "script",
     ];
     let (link, through) = link(&folder, &address, &faults);
-    let owner = folder.start("owner", &["client", &through, "--udp", "--sensor", &sensor]);
+    let owner = folder.start("owner", &["client", &through, "--udp"]);
     await_obtain(&mut server, 1);
     leave(owner, &mut server);
     let said = link.stop().success();

@@ -32,8 +32,8 @@ const NO_DETECTOR: (&str, &str) = ("gain = 1.0", "gain = 1.0\nleave_on_oscillati
 /// Starts a server and a client of a robot file, in lock-step.
 fn start(folder: &Folder, robot: &str, served: &[&str], option: &[&str]) -> [Running; 2] {
     let served = [&["--robot", robot, "--record", "serve.csv"], served].concat();
-    let (server, [address, sensor]) = serve_pulling(folder, ["60", "1"], &served);
-    let arguments = ["client", &address, "--sensor", &sensor, "--robot", robot];
+    let (server, address) = serve_pulling(folder, ["60", "1"], &served);
+    let arguments = ["client", &address, "--robot", robot];
     let client = folder.start("client", &[&arguments[..], option].concat());
     [server, client]
 }
@@ -122,16 +122,9 @@ fn an_accelerometer_of_the_file_has_a_link_that_the_client_needs() {
     assert!(said.contains(line), "{said}");
     let robot = ["--robot", "felt.toml", "--record", "serve.csv"];
     let served = [&robot[..], &["--accelerometer", "127.0.0.1:0"]].concat();
-    let (server, [address, sensor]) = serve_pulling(&folder, ["60", "1"], &served);
+    let (server, address) = serve_pulling(&folder, ["60", "1"], &served);
     let link = address_behind(&server.stdout(), "accelerometer on ");
-    let arguments = [
-        "client",
-        &address,
-        "--sensor",
-        &sensor,
-        "--robot",
-        "felt.toml",
-    ];
+    let arguments = ["client", &address, "--robot", "felt.toml"];
     let there = [&arguments[..], &["--accelerometer", &link]].concat();
     let ended = after_six_seconds(&folder, folder.start("client", &there));
     let said = ended.success();
@@ -191,7 +184,7 @@ fn a_file_without_masses_is_in_equilibrium_and_says_so() {
 fn taps_and_cutters_load_the_tool() {
     for (option, least_n) in [("--tap=200,20", 150.0), ("--milling=100,4,3000,0.5", 80.0)] {
         let folder = Folder::new("masses-load");
-        let served = ["--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"];
+        let served = ["--listen", "127.0.0.1:0"];
         let arguments = [
             "serve",
             "--pace",
@@ -203,9 +196,8 @@ fn taps_and_cutters_load_the_tool() {
         let mut server = folder.start("serve", &[&arguments[..], &served].concat());
         server.await_words("Ctrl-C");
         let said = server.stdout();
-        let [address, sensor] =
-            ["listening on ", "force sensor on "].map(|words| address_behind(&said, words));
-        let client = folder.start("client", &["client", &address, "--sensor", &sensor]);
+        let address = address_behind(&said, "listening on ");
+        let client = folder.start("client", &["client", &address]);
         after_six_seconds(&folder, client).success();
         server.stop().success();
         let table = folder.read("serve.csv");

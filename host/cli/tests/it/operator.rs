@@ -6,8 +6,8 @@ use crate::process::{Folder, Running};
 use crate::signals::{assert_no_jump, await_obtain, rows, serve_pulling};
 
 /// Starts a client whose standard input is a pipe.
-fn operated(folder: &Folder, [server, sensor]: &[String; 2], further: &[&str]) -> Running {
-    let arguments = [&["client", server, "--sensor", sensor][..], further].concat();
+fn operated(folder: &Folder, server: &str, further: &[&str]) -> Running {
+    let arguments = [&["client", server][..], further].concat();
     folder.start_with("operated", &arguments, Stdio::piped())
 }
 

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use crate::process::{Ended, Folder, Running};
 use crate::signals::{Recorded, await_obtain, client, rows, serve, serve_typed};
 
-const FREE: [&str; 4] = ["--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"];
+const FREE: [&str; 2] = ["--listen", "127.0.0.1:0"];
 /// Epochs that a start gives away.
 const RESERVE: u64 = 1 << 32;
 
@@ -74,8 +74,8 @@ fn a_second_server_of_anything_is_refused_and_the_first_does_not_miss_a_tick() {
         "--labcomm",
         "127.0.0.1:0",
     ];
-    let (mut server, addresses) = serve(&folder, &further);
-    let owner = client(&folder, "owner", &addresses);
+    let (mut server, address) = serve(&folder, &further);
+    let owner = client(&folder, "owner", &address);
     await_obtain(&mut server, 1);
     let said = server.stdout();
     let labcomm = said
@@ -85,7 +85,7 @@ fn a_second_server_of_anything_is_refused_and_the_first_does_not_miss_a_tick() {
         .split(';')
         .next()
         .unwrap();
-    let [listen, sensor] = addresses.each_ref().map(String::as_str);
+    let listen = address.as_str();
     std::os::unix::fs::symlink("press", folder.path("alias")).unwrap();
     let state = folder.read("press/epoch");
 
@@ -98,10 +98,7 @@ fn a_second_server_of_anything_is_refused_and_the_first_does_not_miss_a_tick() {
     let of_state = ["in use by", &pid, "--name", "--epoch-file"];
     let seconds = [
         // The same command line, but for the ports that the first got.
-        (
-            vec!["--listen", listen, "--sensor", sensor, "--name", "press"],
-            of_state,
-        ),
+        (vec!["--listen", listen, "--name", "press"], of_state),
         ([&FREE[..], &["--name", "press"]].concat(), of_state),
         (
             [&FREE[..], &["--epoch-file", "press/epoch"]].concat(),
@@ -111,14 +108,7 @@ fn a_second_server_of_anything_is_refused_and_the_first_does_not_miss_a_tick() {
             [&FREE[..], &["--epoch-file", "alias/epoch"]].concat(),
             of_state,
         ),
-        (
-            vec!["--listen", listen, "--sensor", "127.0.0.1:0"],
-            of_port(listen, &process),
-        ),
-        (
-            vec!["--listen", "127.0.0.1:0", "--sensor", sensor],
-            of_port(sensor, &process),
-        ),
+        (vec!["--listen", listen], of_port(listen, &process)),
         (
             [&FREE[..], &["--labcomm", labcomm]].concat(),
             of_port(labcomm, &process),
@@ -158,7 +148,7 @@ fn a_second_server_of_anything_is_refused_and_the_first_does_not_miss_a_tick() {
     // Another login has another state folder, and the same ports.
     let mut command = other_login(&folder);
     command.env("HOME", open_folder(&folder, "home"));
-    command.args(["serve", "--listen", listen, "--sensor", "127.0.0.1:0"]);
+    command.args(["serve", "--listen", listen]);
     let line = folder
         .start_command("login", command, Stdio::null())
         .end()
@@ -321,8 +311,6 @@ fn a_machine_without_state_starts_in_fault_unless_it_cannot_hurt() {
         "0.0.0.0:0",
         "--allow",
         "127.0.0.0/8",
-        "--sensor",
-        "127.0.0.1:0",
         "--epoch-file",
         "epoch",
     ];

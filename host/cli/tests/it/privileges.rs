@@ -10,13 +10,7 @@ const DAC_OVERRIDE: u64 = 1 << 1;
 
 /// Starts a server in real time, which asks for real-time priority.
 fn serve(folder: &Folder, further: &[&str]) -> Running {
-    let mut arguments = vec![
-        "serve",
-        "--listen",
-        "127.0.0.1:0",
-        "--sensor",
-        "127.0.0.1:0",
-    ];
+    let mut arguments = vec!["serve", "--listen", "127.0.0.1:0"];
     arguments.extend(further);
     let mut server = folder.start("serve", &arguments);
     server.await_words("Ctrl-C");

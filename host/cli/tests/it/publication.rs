@@ -141,7 +141,7 @@ fn a_client_compensates_by_labcomm_and_readers_get_what_is_recorded() {
             "--labcomm-version",
             generation,
         ];
-        let (mut server, [address, _]) = serve_pulling(&folder, ["60", "0.5"], &further);
+        let (mut server, address) = serve_pulling(&folder, ["60", "0.5"], &further);
         let ports = ports(&mut server);
         let reader = read_all(ports[1]);
         // The stream carries gauges too, which the client walks over.
@@ -200,7 +200,7 @@ fn readers_of_any_conduct_cost_no_tick_and_strangers_get_nothing() {
         "--labcomm",
         ALL,
     ];
-    let (mut server, [address, _]) = serve_pulling(&folder, ["60", "0.5"], &further);
+    let (mut server, address) = serve_pulling(&folder, ["60", "0.5"], &further);
     let ports = ports(&mut server);
     let good = read_all(ports[1]);
     let sensor = format!("labcomm:{}", ports[0]);
@@ -256,7 +256,7 @@ fn readers_of_any_conduct_cost_no_tick_and_strangers_get_nothing() {
 #[test]
 fn a_sample_of_another_type_is_refused_with_both_types() {
     let folder = Folder::new("publication-type");
-    let (mut server, [address, _]) =
+    let (mut server, address) =
         serve_pulling(&folder, ["60", "0.5"], &["--labcomm", "127.0.0.1:0"]);
     let sensor = format!("labcomm:{}/data", ports(&mut server)[0]);
     let said = folder

@@ -232,15 +232,7 @@ fn a_black_box_that_cannot_be_written_is_named() {
     let folder = Folder::new("lost");
     folder.write("file", "");
     for bad in ["file", "file/boxes"] {
-        let arguments = [
-            "serve",
-            "--listen",
-            "127.0.0.1:0",
-            "--sensor",
-            "127.0.0.1:0",
-            "--black-box",
-            bad,
-        ];
+        let arguments = ["serve", "--listen", "127.0.0.1:0", "--black-box", bad];
         let line = folder.run(&arguments).failure(1);
         assert!(line.contains(bad) && line.contains("os error"), "{line}");
     }

@@ -4,8 +4,8 @@ use std::process::Stdio;
 
 use crate::process::{Folder, Running, address_behind};
 
-/// Starts a server in lock-step on free ports; returns it with the addresses of server and sensor.
-pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, [String; 2]) {
+/// Starts a server in lock-step on free ports; returns it with its address.
+pub(crate) fn serve(folder: &Folder, further: &[&str]) -> (Running, String) {
     serve_pulling(folder, ["60", "5"], further)
 }
 
@@ -14,7 +14,7 @@ pub(crate) fn serve_pulling(
     folder: &Folder,
     steps: [&str; 2],
     further: &[&str],
-) -> (Running, [String; 2]) {
+) -> (Running, String) {
     serve_typed(folder, steps, further, Stdio::null())
 }
 
@@ -24,32 +24,23 @@ pub(crate) fn serve_typed(
     [force, seconds]: [&str; 2],
     further: &[&str],
     input: Stdio,
-) -> (Running, [String; 2]) {
+) -> (Running, String) {
     let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", "127.0.0.1:0"];
-    arguments.extend([
-        "--sensor",
-        "127.0.0.1:0",
-        "--force-max",
-        force,
-        "--step-seconds",
-        seconds,
-    ]);
+    arguments.extend(["--force-max", force, "--step-seconds", seconds]);
     arguments.extend(further);
     let mut server = folder.start_with("serve", &arguments, input);
     server.await_words("Ctrl-C");
     let said = server.stdout();
-    let addresses = ["listening on ", "force sensor on "].map(|words| address_behind(&said, words));
-    for address in &addresses {
-        assert!(
-            address.starts_with("127.0.0.1:") && !address.ends_with(":0"),
-            "{said}"
-        );
-    }
-    (server, addresses)
+    let address = address_behind(&said, "listening on ");
+    assert!(
+        address.starts_with("127.0.0.1:") && !address.ends_with(":0"),
+        "{said}"
+    );
+    (server, address)
 }
 
-pub(crate) fn client(folder: &Folder, name: &str, [server, sensor]: &[String; 2]) -> Running {
-    folder.start(name, &["client", server, "--sensor", sensor])
+pub(crate) fn client(folder: &Folder, name: &str, server: &str) -> Running {
+    folder.start(name, &["client", server])
 }
 
 /// Waits until the server has seen Obtain `times` times.
@@ -230,8 +221,8 @@ fn a_reader_that_leaves_early_makes_no_panic() {
 #[test]
 fn the_same_over_datagrams() {
     let folder = Folder::new("udp");
-    let (mut server, [address, sensor]) = serve(&folder, &["--udp", "--allow", "127.0.0.0/8"]);
-    let arguments = ["client", &address, "--udp", "--sensor", &sensor];
+    let (mut server, address) = serve(&folder, &["--udp", "--allow", "127.0.0.0/8"]);
+    let arguments = ["client", &address, "--udp"];
     let owner = folder.start("owner", &arguments);
     await_obtain(&mut server, 1);
     let line = folder.run(&arguments).failure(4);
@@ -259,8 +250,8 @@ fn a_peer_that_is_not_allowed_is_closed_silently() {
 #[test]
 fn an_address_that_others_reach_needs_the_names_of_its_peers() {
     let folder = Folder::new("reach");
-    for [listen, sensor] in [["0.0.0.0:0", "127.0.0.1:0"], ["127.0.0.1:0", "0.0.0.0:0"]] {
-        let serve = ["serve", "--listen", listen, "--sensor", sensor];
+    for [listen, labcomm] in [["0.0.0.0:0", "127.0.0.1:0"], ["127.0.0.1:0", "0.0.0.0:0"]] {
+        let serve = ["serve", "--listen", listen, "--labcomm", labcomm];
         let line = folder.run(&serve).failure(1);
         assert!(
             line.contains("other machines reach 0.0.0.0:0") && line.contains("--allow"),
@@ -278,7 +269,7 @@ fn an_address_that_others_reach_needs_the_names_of_its_peers() {
 #[test]
 fn a_client_with_another_lead_is_refused() {
     let folder = Folder::new("lead");
-    let (server, [address, sensor]) = serve(&folder, &["--robot", "f1"]);
+    let (server, address) = serve(&folder, &["--robot", "f1"]);
     let text = include_str!("../../../../robots/f1.toml");
     let lead = "metres_per_q = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1]";
     assert!(text.contains(lead));
@@ -287,14 +278,7 @@ fn a_client_with_another_lead_is_refused() {
         "other.toml",
         &text.replace(lead, "metres_per_q = [1.0, 1.0, 1.0, 0.1, 0.1, 0.11]"),
     );
-    let client = [
-        "client",
-        &address,
-        "--sensor",
-        &sensor,
-        "--robot",
-        "other.toml",
-    ];
+    let client = ["client", &address, "--robot", "other.toml"];
     let said = folder.run(&client).failure(5);
     assert!(
         said.contains("the server's machine has checksum ") && said.contains("metres_per_q differ"),

@@ -9,8 +9,9 @@ use std::time::Duration;
 use gantry_tau_labcomm::{Definition, Event, Type};
 use gantry_tau_record::labcomm::{Stream, type_text};
 use gantry_tau_server::links::closed;
-use gantry_tau_server::links::sensor::Sample;
 use gantry_tau_system::dial::{self, Addresses};
+
+use super::Sample;
 
 /// Longest wait for the sensor to answer.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
@@ -56,7 +57,11 @@ impl LabcommSensor {
             .map_err(|error| invalid(error.to_string()))?
         {
             if let Some(wrench) = wrench(&self.name, &event)? {
-                self.latest = Some(Sample { tick, wrench });
+                self.latest = Some(Sample {
+                    tick,
+                    wrench,
+                    is_cut: false,
+                });
             }
         }
         received.map(|()| self.latest)

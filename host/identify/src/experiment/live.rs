@@ -46,7 +46,7 @@ pub struct LiveOptions<K, const N: usize> {
     pub server: Addresses,
     /// TCP or UDP.
     pub transport: Transport,
-    /// The force sensor.
+    /// Source of the force samples.
     pub sensor: SensorSource,
     /// Addresses of the accelerometer's link, as of a [`ClientOptions`].
     pub accelerometer: Option<Addresses>,

@@ -7,9 +7,10 @@
 
 use std::io;
 
-use crate::links::{
-    MAX_RECORD, Publisher, Record, RecordReader, SIX_COMPONENTS, put_six_components, six_components,
-};
+use crate::links::{MAX_RECORD, Publisher, Record, RecordReader, fields, put_fields};
+
+/// Bytes of a record.
+const LENGTH: usize = 56;
 
 /// One sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,15 +23,24 @@ pub struct Acceleration {
 
 impl Record for Acceleration {
     fn encode(&self, bytes: &mut [u8; MAX_RECORD]) -> usize {
-        put_six_components(bytes, self.tick, &self.components)
+        let components = self.components.map(f64::to_le_bytes);
+        put_fields(
+            bytes,
+            [self.tick.to_le_bytes()].into_iter().chain(components),
+        )
     }
 
     fn expected(_: &[u8]) -> io::Result<usize> {
-        Ok(SIX_COMPONENTS)
+        Ok(LENGTH)
     }
 
     fn decode(bytes: &[u8]) -> Self {
-        let (tick, components) = six_components(bytes);
+        let mut fields = fields(bytes);
+        let tick = fields.next().map_or(0, u64::from_le_bytes);
+        let mut components = [0.0; 6];
+        for (component, field) in components.iter_mut().zip(fields) {
+            *component = f64::from_le_bytes(field);
+        }
         Self { tick, components }
     }
 }

@@ -11,6 +11,7 @@ use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{self, Session, Start, TickInput};
+use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::EpochRange;
 
 use super::ServerError;
@@ -18,7 +19,6 @@ use super::connections::{Connections, Listen, Listening};
 use super::velocity_interface::{Followed, VelocityInterface, Written};
 use crate::black_box::swap_channel::Sender;
 use crate::links::accelerometer::{Acceleration, AccelerometerPublisher};
-use crate::links::sensor::{Sample, SensorPublisher};
 use crate::plant::{Plant, PlantFailure, Reading, VelocityPlant};
 use crate::publication::Publication;
 use crate::realtime::Socket;
@@ -46,7 +46,6 @@ pub struct Cycle<const N: usize, const M: usize, P: Plant<N, M>> {
     plant: P,
     endpoint: Box<Endpoint<N>>,
     connections: Connections,
-    sensor: Option<SensorPublisher>,
     accelerometer: Option<AccelerometerPublisher>,
     sensors: Vec<Publication>,
     motors: MotorMap<N, M>,
@@ -109,7 +108,6 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             plant,
             endpoint: Box::new(Endpoint::new(session, epochs)),
             connections,
-            sensor: None,
             accelerometer: None,
             sensors: Vec::new(),
             motors,
@@ -152,13 +150,6 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             .start_writer(LATCH_PATIENCE)
             .map_err(|error| ServerError::Thread(error.to_string()))?;
         self.plant.start().map_err(ServerError::of_plant)
-    }
-
-    /// Publishes the sensor's samples.
-    #[must_use]
-    pub fn with_sensor(mut self, sensor: SensorPublisher) -> Self {
-        self.sensor = Some(sensor);
-        self
     }
 
     /// Publishes the samples of the accelerometer.
@@ -279,6 +270,9 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
                 nominal: reading.nominal,
                 actual: reading.actual,
             }),
+            sensor: reading
+                .and_then(|reading| reading.tool.as_ref())
+                .and_then(|tool| WrenchSample::from_si(&tool.sensor, tool.sensor_age).ok()),
             stop: operator.stop,
             quit: operator.quit,
             rearm: operator.rearm,
@@ -336,12 +330,6 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         // The sample leaves before the State of the same tick, so that a client has it when it
         // answers.
         if let Some(tool) = &row.tool {
-            if let Some(sensor) = &mut self.sensor {
-                sensor.publish(&Sample {
-                    tick: row.state.tick.0,
-                    wrench: tool.sensor,
-                });
-            }
             if let (Some(link), Some(components)) = (&mut self.accelerometer, tool.acceleration) {
                 link.publish(&Acceleration {
                     tick: row.state.tick.0,

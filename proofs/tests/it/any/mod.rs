@@ -1,5 +1,7 @@
 //! Strategies: any value of a type, small and huge alike.
 
+use gantry_tau_core::control::wrench::WrenchSample;
+use gantry_tau_core::units::{ForceMn, MomentUnm};
 use std::num::NonZeroU32;
 
 use gantry_tau_core::control::agitation::{Agitation, AgitationBudget};
@@ -400,6 +402,18 @@ pub(crate) fn epochs() -> impl Strategy<Value = EpochRange> {
     })
 }
 
+fn sensor() -> impl Strategy<Value = Option<WrenchSample>> {
+    let sample = any::<(u8, bool, [i32; 3], [i32; 3])>();
+    option::of(sample).prop_map(|sample| {
+        sample.map(|(age, is_cut, force, moment)| WrenchSample {
+            age,
+            is_cut,
+            force: force.map(ForceMn),
+            moment: moment.map(MomentUnm),
+        })
+    })
+}
+
 pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>> {
     let nominal = prop_oneof![8 => -2_000..2_000_i64, 1 => any::<i64>()].prop_map(PositionNm);
     let reading = (uniform::<_, N>(nominal), uniform::<_, N>(actual()))
@@ -407,13 +421,17 @@ pub(crate) fn tick_input<const N: usize>() -> impl Strategy<Value = TickInput<N>
     let reading = option::weighted(0.95, reading);
     let elapsed = prop_oneof![8 => Just(1), 1 => 0..4_u32, 1 => any::<u32>()];
     let flags = (rare(), rare(), any::<bool>());
-    (reading, elapsed, flags).prop_map(|(reading, elapsed_cycles, (stop, quit, rearm))| TickInput {
-        elapsed_cycles,
-        reading,
-        stop,
-        quit,
-        rearm,
-    })
+    let inputs = (reading, sensor(), elapsed, flags);
+    inputs.prop_map(
+        |(reading, sensor, elapsed_cycles, (stop, quit, rearm))| TickInput {
+            elapsed_cycles,
+            reading,
+            sensor,
+            stop,
+            quit,
+            rearm,
+        },
+    )
 }
 
 prop_compose! {

@@ -51,6 +51,7 @@ impl Board {
             tick: TickInput {
                 elapsed_cycles: 1,
                 reading: Some(Reading::unmeasured(nominal)),
+                sensor: None,
                 stop: false,
                 quit: false,
                 rearm: false,

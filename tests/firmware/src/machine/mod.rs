@@ -16,6 +16,7 @@ use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{
     BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
 };
+use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{EpochRange, PositionNm};
 
 pub(crate) use control_cycle::{ControlCycle, CycleResult};
@@ -85,6 +86,7 @@ impl CycleInput {
             tick: TickInput {
                 elapsed_cycles: 1,
                 reading: Some(Reading::unmeasured([PositionNm(0); AXES])),
+                sensor: None,
                 stop: false,
                 quit: false,
                 rearm: false,
@@ -203,6 +205,7 @@ impl Machine {
         meter.begin();
         let result = self.cycle.run(input);
         self.input = input.tick;
+        self.input.sensor = WrenchSample::from_si(&input.load, 0).ok();
         if !matches!(input.motion, Motion::Given) {
             self.last.nominal = result.nominal().unwrap_or(self.last.nominal);
             self.input.reading = Some(self.last);

@@ -15,7 +15,6 @@ use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::{EpochRange, Tick};
 use gantry_tau_machine::model::{L2, L2_MOTORS};
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_server::links::sensor::SensorPublisher;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::publication::Publication;
 use gantry_tau_server::record::TickRecord;
@@ -51,7 +50,6 @@ fn robot() -> RobotFile<L2, ARMS> {
 pub(super) struct Lockstep {
     cycle: Cycle<ARMS, L2_MOTORS, SimulatedMachine<ARMS, L2_MOTORS>>,
     hand: LoadGenerator,
-    sensor: SocketAddr,
     /// Ports that the observing thread would write.
     ports: Vec<Publication>,
     log: EventLog,
@@ -73,8 +71,6 @@ impl Lockstep {
         let machine = SimulatedMachine::from_robot(&robot, tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
         let motors = robot.motor_map().unwrap();
-        let link = SensorPublisher::bind(LOOPBACK).unwrap();
-        let sensor = link.address().unwrap();
         let (sensors, ports) = ports.into_iter().partition(Publication::is_of_sensors);
         let cycle = Cycle::new(
             config,
@@ -85,20 +81,14 @@ impl Lockstep {
             LOOPBACK,
         )
         .unwrap();
-        let cycle = cycle.with_sensor(link).with_sensors(sensors);
+        let cycle = cycle.with_sensors(sensors);
         Self {
             cycle,
             hand,
-            sensor,
             ports,
             log: EventLog::default(),
             rows: Vec::new(),
         }
-    }
-
-    /// The server's own sensor link.
-    pub(super) fn own_link(&self) -> SensorSource {
-        self.sensor.into()
     }
 
     /// One tick, and what `serve` does with its row.

@@ -1,6 +1,7 @@
 //! Four monitors beside a minute of lock-step: each shows what the client was sent, and the session
 //! is the same as without them.
 
+use gantry_tau_client::force_sensor::SensorSource;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -150,10 +151,9 @@ fn four_monitors_show_every_number_and_change_none() {
     let port = Publication::bind::<ARMS>(LOOPBACK, Version::V2014, &NAMES, RESOLUTION_M).unwrap();
     let address = port.address().unwrap();
     let mut server = Lockstep::start(vec![port]);
-    let own = server.own_link();
     let monitors = [(); 4].map(|()| Watch::of(address));
     let mut last = None;
-    let session = server.session(own, MINUTE, |tick, row| {
+    let session = server.session(SensorSource::States, MINUTE, |tick, row| {
         if let Some(before) = last
             .replace(*row)
             .filter(|_| tick % TOGETHER == TOGETHER - 1)
@@ -184,7 +184,6 @@ fn four_monitors_show_every_number_and_change_none() {
         );
     }
     let mut alone = Lockstep::start(Vec::new());
-    let own = alone.own_link();
-    let alone = alone.session(own, MINUTE, |_, _| {});
+    let alone = alone.session(SensorSource::States, MINUTE, |_, _| {});
     session.assert_is(&alone);
 }

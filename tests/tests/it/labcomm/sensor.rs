@@ -1,7 +1,8 @@
-//! The real client with its force from a LabComm stream: compensates as with the own sensor link,
+//! The real client with its force from a LabComm stream: compensates as with the samples of the States,
 //! and leaves as with it.
 
 use gantry_tau::demo::ALLOWED_SHARE;
+use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_labcomm::Version;
@@ -24,13 +25,12 @@ const WRONG: usize = PULLED + 100;
 /// States that the last sample serves, as the client's documentation says.
 const SAMPLE_STATES: usize = 100;
 
-fn by_own_link() -> Session {
+fn by_states() -> Session {
     let mut server = Lockstep::start(Vec::new());
-    let own = server.own_link();
-    server.session(own, TICKS, |_, _| {})
+    server.session(SensorSource::States, TICKS, |_, _| {})
 }
 
-/// Offsets of two sessions differ by no more than the rounding of the force to `float`.
+/// Offsets of two sessions differ by no more than the rounding of the force, to `float` and to mN.
 fn assert_near(ours: &[i32; ARMS], own: &[i32; ARMS]) {
     assert!(
         ours.iter()
@@ -41,8 +41,8 @@ fn assert_near(ours: &[i32; ARMS], own: &[i32; ARMS]) {
 }
 
 #[test]
-fn the_stream_of_a_server_compensates_as_its_own_link() {
-    let own = by_own_link();
+fn the_stream_of_a_server_compensates_as_its_states() {
+    let own = by_states();
     let uncompensated_m = Lockstep::start(Vec::new()).uncompensated_m();
     for version in VERSIONS {
         let names = [SampleName::Data, SampleName::ForceSensor];
@@ -70,7 +70,7 @@ fn the_stream_of_a_server_compensates_as_its_own_link() {
 /// it.
 #[test]
 fn a_stream_with_samples_that_a_client_does_not_know_compensates_as_well() {
-    let own = by_own_link().obtained();
+    let own = by_states().obtained();
     for (version, is_double) in VERSIONS
         .into_iter()
         .flat_map(|version| [(version, false), (version, true)])

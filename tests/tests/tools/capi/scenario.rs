@@ -14,8 +14,9 @@ use gantry_tau_core::control::session::{
     BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
 };
 use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{
-    Epoch, EpochRange, OffsetNm, PositionNm, TorquePermille, VelocityUmS,
+    Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, TorquePermille, VelocityUmS,
 };
 use gantry_tau_proofs::scenario::ClientAction;
 use gantry_tau_server::black_box::Window;
@@ -296,6 +297,19 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         }
     }
 
+    fn sensor(&mut self) -> Option<WrenchSample> {
+        let age = u8::try_from(self.noise.below(256)).unwrap();
+        let (is_cut, is_there) = (self.one_in(5), !self.one_in(4));
+        let mut component = || i32::try_from(self.noise.below(4_000_000)).unwrap() - 2_000_000;
+        let [a, b, c, d, e, f] = [(); 6].map(|()| component());
+        is_there.then_some(WrenchSample {
+            age,
+            is_cut,
+            force: [a, b, c].map(ForceMn),
+            moment: [d, e, f].map(MomentUnm),
+        })
+    }
+
     fn tick(&mut self) {
         self.silent = self.silent.saturating_sub(1);
         if self.one_in(120) {
@@ -316,6 +330,7 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
                     torque: TorquePermille(3),
                 }),
             }),
+            sensor: self.sensor(),
             // In the fault both at once, too.
             stop: self.one_in(if faulted { 8 } else { 500 }),
             quit: self.one_in(if faulted { 8 } else { 1_000 }),
@@ -426,6 +441,19 @@ impl<const N: usize> Recorded<N> {
         let (elapsed, quit) = (input.elapsed_cycles, u8::from(input.quit));
         let first = format!("t {elapsed} {read} {stop} {quit} {rearm} {written} {arrival_us}");
         self.script.push_str(&first);
+        // Without a sample the rest is not looked at.
+        let sensor = input.sensor.unwrap_or(WrenchSample {
+            age: 7,
+            force: [ForceMn(-1); 3],
+            ..WrenchSample::default()
+        });
+        let status = input
+            .sensor
+            .map_or(0, |sample| if sample.is_cut { 2 } else { 1 });
+        write!(self.script, " {status} {}", sensor.age).unwrap();
+        for (force, moment) in sensor.force.iter().zip(&sensor.moment) {
+            write!(self.script, " {} {}", force.0, moment.0).unwrap();
+        }
         let reading = input
             .reading
             .unwrap_or(Reading::unmeasured([PositionNm(-1); N]));

@@ -56,9 +56,7 @@ fn serve(program: &Path, folder: &Path, prefix: &[&str], name: &str) -> (Option<
     ]
     .concat();
     let mut command = Command::new(words[0]);
-    command
-        .args(&words[1..])
-        .args(["--listen", "127.0.0.1:0", "--sensor", "127.0.0.1:0"]);
+    command.args(&words[1..]).args(["--listen", "127.0.0.1:0"]);
     let plant = format!("ethercat:{}", ENDS[0]);
     let output = command
         .args(["--plant", &plant])

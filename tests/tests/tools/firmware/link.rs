@@ -1,7 +1,7 @@
 //! A real client drives the emulated target: the unchanged program over TCP, through a cable that
 //! is pulled.
 //!
-//!     client - relay (pulls the cable) - proxy (records, and is the force sensor) - emulator - firmware
+//!     client - relay (pulls the cable) - proxy (records) - emulator - firmware
 //!
 //! Nothing depends on speed: a tick is an answer. Three records must agree: the target's log, the
 //! proxy's States, and the clients' recordings and exit codes.
@@ -36,8 +36,6 @@ type State = message::State<AXES>;
 
 /// Longest wait before the test fails.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Load, N: offsets of about 0.3 mm.
-const PULL_N: f64 = 50.0;
 /// Ticks in Obtain until the offsets have settled.
 const SETTLED: u64 = 400;
 
@@ -50,7 +48,7 @@ pub(crate) fn a_real_client_drives_the_target() {
     let cell = Cell {
         program: &program,
         place: emulator::place("link"),
-        proxy: Proxy::before(target.address, PULL_N),
+        proxy: Proxy::before(target.address),
         target,
     };
     let ramping = cell.lose_a_client();
@@ -92,15 +90,13 @@ fn obtains(state: &State, epoch: u64) -> bool {
 
 impl Cell<'_> {
     fn client(&self, name: &str, server: SocketAddr) -> Running {
-        let (server, sensor) = (server.to_string(), self.proxy.sensor.to_string());
+        let server = server.to_string();
         let recording = self.place.join(format!("{name}.csv"));
         let arguments = [
             "client",
             "--robot",
             "f1",
             &server,
-            "--sensor",
-            &sensor,
             "--record",
             recording.to_str().unwrap(),
         ];

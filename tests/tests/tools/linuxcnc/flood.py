@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Floods both ports of the component for three seconds: connections, garbage, half a frame, readers that do not read. As root, inside.
+"""Floods the port of the component for three seconds: connections, garbage, half a frame. As root, inside.
 
 Exit code 1: the component has no sockets, one that may block, or did not refuse anybody.
 """
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-PORTS = (7000, 7001)
+PORT = 7000
 SECONDS = 3.0
 NONBLOCK = 0o4000
 
@@ -57,7 +57,7 @@ def main():
     datagrams.setblocking(False)
     end = time.monotonic() + SECONDS
     while time.monotonic() < end:
-        open_streams.append(connect(dice.choice(PORTS)))
+        open_streams.append(connect(PORT))
         for stream in list(open_streams[-24:]):
             try:
                 sent += stream.send(dice.choice((b"", b"GT\x02\x01\x04\x00\x00\x00")) + dice.randbytes(dice.randint(1, 4000)))
@@ -68,7 +68,7 @@ def main():
                 open_streams.remove(stream)
         for _ in range(50):
             try:
-                sent += datagrams.sendto(dice.randbytes(dice.randint(0, 1400)), ("127.0.0.1", PORTS[0]))
+                sent += datagrams.sendto(dice.randbytes(dice.randint(0, 1400)), ("127.0.0.1", PORT))
             except OSError:
                 pass
         while len(open_streams) > 200:

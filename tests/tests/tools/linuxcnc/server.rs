@@ -8,18 +8,16 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs::Permissions;
-use std::io::Read;
-use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use gantry_tau_server::state::{MachineState, StatePlace};
 use libtest_mimic::Failed;
-use socket2::{Domain, Socket, Type};
 
 use super::record::{FAULT, LISTENING, OBTAIN, SAFE_DISCONNECT};
-use hal::{Hal, free_ports, modules, program};
+use hal::{Hal, free_port, modules, program};
 use record::{AXES, Row, judge, parse};
 
 /// Trials of this file.
@@ -127,7 +125,7 @@ const FUNCTIONS: &str = "addf mux2.0 servo\naddf mux2.1 servo\naddf mux2.2 servo
 /// A running component.
 struct Bench {
     hal: Hal,
-    ports: [u16; 2],
+    port: u16,
     udp: bool,
 }
 
@@ -135,17 +133,13 @@ impl Bench {
     fn start(name: &str, parameters: &[&str]) -> Self {
         // Nothing waits for the compiler later.
         program();
-        let ports = free_ports();
-        let [port, sensor_port] = ports;
-        let parameters = format!(
-            "port={port} sensor_port={sensor_port} epoch_file=epochs {}",
-            parameters.join(" ")
-        );
+        let port = free_port();
+        let parameters = format!("port={port} epoch_file=epochs {}", parameters.join(" "));
         let hal = Hal::start(name, &setup(&parameters), Some([&path(), FUNCTIONS]));
         assert!(hal.is_ready, "{}", hal.said());
         let mut bench = Self {
             hal,
-            ports,
+            port,
             udp: parameters.contains("udp=1"),
         };
         // While they are off the drives stand at home, and the path does.
@@ -176,7 +170,7 @@ impl Bench {
     /// Starts a client and waits until its offsets act against a load.
     fn compensate(&mut self) -> Client {
         self.hal.ask("sets wrench-1 0");
-        let client = Client::start(self.ports, self.udp);
+        let client = Client::start(self.port, self.udp);
         self.wait_for("gantry-tau.phase", OBTAIN);
         // So much that the offsets meet their limit behind the filter of the client.
         self.hal.ask("sets wrench-1 500");
@@ -236,16 +230,9 @@ impl Bench {
 struct Client(Child);
 
 impl Client {
-    fn start([port, sensor_port]: [u16; 2], udp: bool) -> Self {
+    fn start(port: u16, udp: bool) -> Self {
         let mut command = Command::new(program());
-        command.args([
-            "client",
-            &format!("127.0.0.1:{port}"),
-            "--sensor",
-            &format!("127.0.0.1:{sensor_port}"),
-            "--robot",
-            "l2",
-        ]);
+        command.args(["client", &format!("127.0.0.1:{port}"), "--robot", "l2"]);
         command
             .args(udp.then_some("--udp"))
             .stdin(Stdio::null())
@@ -343,41 +330,17 @@ fn a_burst_is_one_tick() {
     }
 }
 
-/// Strangers who take all places of both ports, and say and read nothing, do not keep a client out.
+/// Strangers who take all places, and say and read nothing, do not keep a client out.
 fn places_are_shared() {
     let mut bench = Bench::start("places", &["lockstep=1"]);
-    let [port, sensor_port] = bench.ports;
-    let _on_port: Vec<TcpStream> = (0..8).map(|_| connect_from(2, port)).collect();
-    let strangers: Vec<TcpStream> = (0..5).map(|_| connect_from(2, sensor_port)).collect();
+    let address = ("127.0.0.1", bench.port);
+    let _strangers: Vec<TcpStream> = (0..8)
+        .map(|_| TcpStream::connect(address).unwrap())
+        .collect();
     bench.pass(20);
-    for host in [3, 4] {
-        let mut reader = connect_from(host, sensor_port);
-        reader.set_read_timeout(Some(PATIENCE)).unwrap();
-        let mut record = [0; 56];
-        let before = bench.tick();
-        reader.read_exact(&mut record).unwrap();
-        // Idle strangers would be dropped after 10 000 ticks.
-        let tick = u32::from_le_bytes(record[..4].try_into().unwrap());
-        assert!(f64::from(tick) < before + 5_000.0, "{tick} {before}");
-    }
     drop(bench.compensate());
     bench.wait_for("gantry-tau.phase", LISTENING);
-    // One reader of an address keeps its place: the oldest is still sent records.
-    let mut first = &strangers[0];
-    first.read_exact(&mut [0; 56]).unwrap();
     drop(bench.end());
-}
-
-/// A connection from 127.0.0.`host`.
-fn connect_from(host: u8, port: u16) -> TcpStream {
-    let stream = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
-    stream
-        .bind(&SocketAddr::from(([127, 0, 0, host], 0)).into())
-        .unwrap();
-    stream
-        .connect(&SocketAddr::from(([127, 0, 0, 1], port)).into())
-        .unwrap();
-    stream.into()
 }
 
 /// A component that does not load says why in one line, and HAL goes on without it.
@@ -394,26 +357,25 @@ fn refused(name: &str, parameters: &str, why: &str) {
 }
 
 fn bad_parameters() {
-    let [port, sensor_port] = free_ports();
-    let ports = format!("port={port} sensor_port={sensor_port}");
-    refused("no-epochs", &ports, "epoch_file is missing");
+    let port = format!("port={}", free_port());
+    refused("no-epochs", &port, "epoch_file is missing");
     refused(
         "bad-epochs",
-        &format!("{ports} epoch_file=setup.hal"),
+        &format!("{port} epoch_file=setup.hal"),
         "epoch_file=setup.hal does not contain a counter",
     );
     refused(
         "no-folder",
-        &format!("{ports} epoch_file=nowhere/epochs"),
+        &format!("{port} epoch_file=nowhere/epochs"),
         "epoch_file=nowhere/epochs: No such file or directory",
     );
     refused(
         "device-epochs",
-        &format!("{ports} epoch_file=/dev/null"),
+        &format!("{port} epoch_file=/dev/null"),
         "epoch_file=/dev/null: ",
     );
-    epochs_in_use(&ports);
-    names_in_use(&ports);
+    epochs_in_use(&port);
+    names_in_use(&port);
     refused(
         "no-port",
         "port=70000 epoch_file=epochs",
@@ -421,13 +383,13 @@ fn bad_parameters() {
     );
     refused(
         "no-address",
-        &format!("{ports} address=here epoch_file=epochs"),
+        &format!("{port} address=here epoch_file=epochs"),
         "address=here is not an IPv4 address",
     );
 }
 
 /// One server at a time owns a counter, be it this component or `serve`.
-fn epochs_in_use(ports: &str) {
+fn epochs_in_use(port: &str) {
     let folder = tempfile::tempdir().unwrap();
     let place = StatePlace::named(&folder.path().join("epochs"));
     let owned = MachineState::own(&place, "test").unwrap();
@@ -438,7 +400,7 @@ fn epochs_in_use(ports: &str) {
     ] {
         std::fs::set_permissions(path, Permissions::from_mode(0o777)).unwrap();
     }
-    let parameters = format!("{ports} epoch_file={}", place.epoch_file.display());
+    let parameters = format!("{port} epoch_file={}", place.epoch_file.display());
     refused(
         "epochs-in-use",
         &parameters,
@@ -450,7 +412,7 @@ fn epochs_in_use(ports: &str) {
 
 /// Another file that has the name of the lock, or of the counter's second file, is left as it is; a
 /// counter that has a lock is another machine's.
-fn names_in_use(ports: &str) {
+fn names_in_use(port: &str) {
     const OTHER: &str = "4 of another program\n";
     for (extension, files) in [
         ("lock", &[("epochs.lock", OTHER)][..]),
@@ -471,7 +433,7 @@ fn names_in_use(ports: &str) {
         refused(
             "names-in-use",
             &format!(
-                "{ports} epoch_file={}",
+                "{port} epoch_file={}",
                 folder.path().join("epochs").display()
             ),
             &format!(
@@ -490,16 +452,10 @@ fn names_in_use(ports: &str) {
 fn port_in_use() {
     let held = TcpListener::bind(("127.0.0.1", 0)).unwrap();
     let port = held.local_addr().unwrap().port();
-    let [free] = free_ports();
     let why = format!("cannot listen on 127.0.0.1:{port}");
     refused(
         "port-in-use",
-        &format!("port={port} sensor_port={free} epoch_file=epochs"),
-        &why,
-    );
-    refused(
-        "sensor-port-in-use",
-        &format!("port={free} sensor_port={port} epoch_file=epochs"),
+        &format!("port={port} epoch_file=epochs"),
         &why,
     );
     let held = UdpSocket::bind(("127.0.0.1", 0)).unwrap();
@@ -507,7 +463,7 @@ fn port_in_use() {
     let why = format!("cannot listen on 127.0.0.1:{port}");
     refused(
         "udp-port-in-use",
-        &format!("udp=1 port={port} sensor_port={free} epoch_file=epochs"),
+        &format!("udp=1 port={port} epoch_file=epochs"),
         &why,
     );
 }

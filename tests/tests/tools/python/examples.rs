@@ -22,13 +22,12 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
     ),
 ];
 
-/// An example with the addresses of server and sensor.
-fn example(name: &str, [server, sensor]: &[String; 2], arguments: &[&str]) -> Command {
+/// An example with the address of the server.
+fn example(name: &str, server: &str, arguments: &[&str]) -> Command {
     let mut python = python();
     python
         .arg(folder().join("examples").join(name))
         .arg(server)
-        .args(["--sensor", sensor])
         .args(arguments);
     python
 }
@@ -36,7 +35,7 @@ fn example(name: &str, [server, sensor]: &[String; 2], arguments: &[&str]) -> Co
 /// An example that asks `gantry-tau solve`, built before the session: a server that is not watched
 /// loses rows.
 fn solving(name: &str, solver: &Path, session: &Session, arguments: &[&str]) -> Child {
-    let mut example = example(name, &session.addresses(), arguments);
+    let mut example = example(name, &session.address(), arguments);
     example
         .arg("--robot")
         .arg(folder().join("../../robots/l2.toml"));
@@ -93,7 +92,7 @@ fn has_left(session: &mut Session, code: Option<i32>, said: &str) {
 fn constant_offset() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
     let arguments = ["--offset-um", "12.5,-7,0", "--states", "300"];
-    let program = example("constant_offset.py", &session.addresses(), &arguments)
+    let program = example("constant_offset.py", &session.address(), &arguments)
         .spawn()
         .unwrap();
     left(&mut session, program);
@@ -111,7 +110,7 @@ fn constant_offset() {
 fn submit_only() {
     let mut session = Session::new(Tool::Steps(0.0, 1.0));
     let arguments = ["--submit-only", "--states", "300"];
-    let program = example("constant_offset.py", &session.addresses(), &arguments)
+    let program = example("constant_offset.py", &session.address(), &arguments)
         .spawn()
         .unwrap();
     let (code, said) = session.end_of(program);

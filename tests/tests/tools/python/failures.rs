@@ -72,7 +72,7 @@ gantry_tau.main(Controller(), options, {options})
     );
     python()
         .args(["-c", &script])
-        .arg(&session.addresses()[0])
+        .arg(session.address())
         .spawn()
         .unwrap()
 }
@@ -272,7 +272,7 @@ print(gantry_tau.run(lambda state, wrench: [20_000, 0, 0], server=sys.argv[2], s
     let program = python
         .args(["-c", &script])
         .arg(folder())
-        .arg(&session.addresses()[0])
+        .arg(session.address())
         .spawn()
         .unwrap();
     let (code, said) = session.end_of(program);

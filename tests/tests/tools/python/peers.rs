@@ -1,4 +1,4 @@
-//! Servers and sensors that are gone, taken, stopped, or talk nonsense.
+//! Servers and their sensors that are gone, taken, stopped, or talk nonsense.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -12,7 +12,9 @@ use gantry_tau_core::control::message::{
     Welcome,
 };
 use gantry_tau_core::control::wire::encode_server;
+use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::{Epoch, Sequence, Tick};
+use gantry_tau_server::plant::Reading;
 use gantry_tau_tests::client_cases::Cases;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
@@ -225,6 +227,7 @@ fn state(tick: u64, phase: Phase, cause: Cause) -> Vec<u8> {
         arrival_us: 0,
         ramp_ticks_left: 0,
         counters: Counters::default(),
+        sensor: None,
         axes: [AxisState::default(); 3],
     };
     encode_server(&ServerMessage::State(state)).to_vec()
@@ -365,8 +368,6 @@ fn six_axes() {
         "lockstep",
         "--listen",
         "127.0.0.1:0",
-        "--sensor",
-        "127.0.0.1:0",
     ]);
     let recording = state.path().join("run.csv");
     serve
@@ -381,7 +382,7 @@ fn six_axes() {
     let listening = lines
         .find_map(|line| Some(line.unwrap().split_once("listening on ")?.1.to_owned()))
         .unwrap();
-    let address = listening.split_once(',').unwrap().0;
+    let address = listening.split_once(';').unwrap().0;
     let program = constant_offset(&[
         address,
         "--offset-um",
@@ -441,7 +442,7 @@ print(json.dumps([g.PHASES, g.CAUSES, g.LIVE, g.GOODBYE_STATES, g.SILENCE_S, g.S
         GOODBYE_STATES,
         3.0,
         100,
-        3_000,
+        1_000,
         10_000_000
     ]);
     assert_eq!(found, expected);
@@ -474,75 +475,69 @@ fn shared_cases() {
     }
 }
 
-/// Conduct of a sensor.
-enum Sensor {
-    Closes,
-    /// Sends these bytes, and then nothing.
-    Sends(Vec<u8>),
-    /// Sends these bytes again and again, as fast as they are taken.
-    Floods(Vec<u8>),
+/// A controller that needs a force sensor, or takes it as it comes; says the first and the last sample.
+fn with_force(session: &Session, needs_wrench: &str, states: &str) -> Child {
+    let script = format!(
+        "import sys; sys.path.insert(0, sys.argv.pop(1)); import gantry_tau
+seen = [None]
+def step(state, wrench):
+    if wrench != seen[-1]:
+        seen.append(wrench)
+    return [0, 0, 0]
+options = gantry_tau.arguments().parse_args()
+try:
+    gantry_tau.main(step, options, needs_wrench={needs_wrench})
+finally:
+    print(seen[1:2], seen[-1])"
+    );
+    python()
+        .args(["-c", &script])
+        .arg(folder())
+        .args([&session.address(), "--states", states])
+        .spawn()
+        .unwrap()
 }
 
-impl Sensor {
-    fn serve(self, mut stream: TcpStream) {
-        match self {
-            Self::Closes => {}
-            Self::Sends(bytes) => {
-                stream.write_all(&bytes).unwrap();
-                // Held open until the client leaves.
-                let _ = stream.read(&mut [0]);
-            }
-            Self::Floods(bytes) => while stream.write_all(&bytes).is_ok() {},
-        }
-    }
-}
+/// What a sensor says in a tick: its sample, with NaN none, and the age of it.
+type Lie = fn(u64) -> ([f64; 6], u8);
 
-/// Record of a sensor with one value in all components.
-fn record(tick: u64, value: f64) -> Vec<u8> {
-    [&tick.to_le_bytes()[..], &[value.to_le_bytes(); 6].concat()].concat()
-}
-
-fn flood(tick: u64, value: f64) -> Sensor {
-    Sensor::Floods(record(tick, value).repeat(10_000))
-}
+/// Sample of an honest sensor.
+const HONEST: [f64; 6] = [1.5, -2.0, 3.0, 0.25, -0.125, 0.5];
 
 fn strange_sensors() {
-    for (sensor, words) in [
+    // With what a controller sees first: a sample, or none at all.
+    let lies: [(Lie, &str); 5] = [
+        (|_| ([f64::NAN; 6], 0), "[] None"),
+        (|_| ([1e300, 0.0, 0.0, 0.0, 0.0, 0.0], 0), "[] None"),
+        (|_| (HONEST, 255), "[] None"),
         (
-            Sensor::Closes,
-            "no force samples: the connection was closed",
+            |tick| (HONEST, u8::try_from(tick).unwrap_or(255)),
+            "[(1.5, -2.0, 3.0, 0.25, -0.125, 0.5)] None",
         ),
         (
-            Sensor::Sends(Vec::new()),
-            "no force samples: no usable one has come for too long",
+            |tick| (if tick < 500 { HONEST } else { [f64::NAN; 6] }, 0),
+            "[(1.5, -2.0, 3.0, 0.25, -0.125, 0.5)] None",
         ),
-        (
-            Sensor::Sends(record(7, f64::NAN)),
-            "no force samples: no usable one has come for too long",
-        ),
-        (
-            Sensor::Sends(record(u64::MAX, 0.0)),
-            "no force samples: their ticks are not the server's",
-        ),
-        (
-            flood(7, f64::NAN),
-            "no force samples: no usable one has come for too long",
-        ),
-        (
-            flood(u64::MAX, 0.0),
-            "no force samples: their ticks are not the server's",
-        ),
-    ] {
-        let mut session = Session::new(Tool::Steps(0.0, 1.0));
-        let listener = TcpListener::bind(LOOPBACK).unwrap();
-        let address = listener.local_addr().unwrap().to_string();
-        let program = constant_offset(&[&session.addresses()[0], "--sensor", &address]);
-        let (stream, _) = listener.accept().unwrap();
-        let serving = std::thread::spawn(move || sensor.serve(stream));
+    ];
+    for (lie, seen) in lies {
+        let speak = move |tick, reading: &mut Reading<ARMS>| {
+            let tool = reading.tool.as_mut().unwrap();
+            (tool.sensor, tool.sensor_age) = lie(tick);
+        };
+        let mut session = Session::lying(speak);
+        let program = with_force(&session, "True", "100000");
         let (code, said) = session.end_of(program);
-        serving.join().unwrap();
         assert_eq!(code, Some(8), "{said}");
-        assert!(said.contains(words) && said.lines().count() == 1, "{said}");
+        let words = "no force samples: no usable one has come for too long";
+        assert!(said.contains(words), "{said}");
+        assert_eq!(session.ramped(), Cause::Goodbye);
+        session.quit();
+        // Who does not need it goes on, and has no old sample.
+        let mut session = Session::lying(speak);
+        let program = with_force(&session, "False", "2000");
+        let (code, said) = session.end_of(program);
+        assert_eq!(code, Some(0), "{said}");
+        assert!(said.contains(seen), "{said}");
         assert_eq!(session.ramped(), Cause::Goodbye);
         session.quit();
     }

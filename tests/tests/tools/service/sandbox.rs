@@ -150,15 +150,7 @@ impl Sandbox {
     fn serve(&self, name: &str, command: &mut Command, pace: &str, further: &[&str]) -> Running {
         let log = self.folder.path().join(format!("{name}.log"));
         let file = File::create(&log).unwrap();
-        command.args([
-            "serve",
-            "--pace",
-            pace,
-            "--listen",
-            "127.0.0.1:0",
-            "--sensor",
-            "127.0.0.1:0",
-        ]);
+        command.args(["serve", "--pace", pace, "--listen", "127.0.0.1:0"]);
         let child = command.args(further).stdin(Stdio::piped());
         let child = child
             .stdout(file.try_clone().unwrap())
@@ -226,12 +218,10 @@ impl Running {
     /// Starts a client of it, outside the sandbox.
     pub(super) fn client(&self) -> Client {
         let log = self.log();
-        let [server, sensor] = ["listening on ", "force sensor on "].map(|words| {
-            let rest = log.split_once(words).unwrap().1;
-            &rest[..rest.find([',', ';', ' ']).unwrap()]
-        });
+        let rest = log.split_once("listening on ").unwrap().1;
+        let server = &rest[..rest.find([',', ';', ' ']).unwrap()];
         let mut command = Command::new(gantry_tau());
-        command.args(["client", server, "--sensor", sensor]);
+        command.args(["client", server]);
         let file = OpenOptions::new()
             .create(true)
             .append(true)

@@ -97,11 +97,11 @@ fn compensates_and_obeys() {
     let program = build();
     let prefix = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wine");
     let mut session = Session::new(Tool::Steps(60.0, 0.3));
-    let [server, sensor] = session.addresses();
+    let server = session.address();
     let wine = WINES.into_iter().find(|wine| has(wine)).unwrap();
     let mut client = Command::new(wine)
         .arg(program)
-        .args(["client", &server, "--sensor", &sensor])
+        .args(["client", &server])
         .env("WINEPREFIX", prefix)
         .env("WINEDEBUG", "-all")
         .stdin(Stdio::piped())

@@ -12,7 +12,10 @@ use crate::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage,
     State, Welcome,
 };
-use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use crate::control::wrench::WrenchSample;
+use crate::units::{
+    Epoch, ForceMn, MomentUnm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+};
 
 /// Decodes a message of a server.
 ///
@@ -200,6 +203,41 @@ fn write_counters(w: &mut Writer<'_>, counters: &Counters) -> Result<(), Short> 
     w.u16(counters.longest_miss_run)
 }
 
+/// Bit of the sensor's byte: there is a sample.
+const HAS_SAMPLE: u8 = 1;
+/// Bit of the sensor's byte: a component was cut.
+const IS_CUT: u8 = 2;
+
+/// Reads 26 bytes; without a sample all of them are zero.
+fn read_sensor(r: &mut Reader<'_>) -> Result<Option<WrenchSample>, ContentError> {
+    let bits = r.u8()?;
+    let mut sample = WrenchSample {
+        age: r.u8()?,
+        is_cut: bits & IS_CUT != 0,
+        ..WrenchSample::default()
+    };
+    for force in &mut sample.force {
+        *force = ForceMn(r.i32()?);
+    }
+    for moment in &mut sample.moment {
+        *moment = MomentUnm(r.i32()?);
+    }
+    match bits {
+        0 if sample == WrenchSample::default() => Ok(None),
+        HAS_SAMPLE | 3 => Ok(Some(sample)),
+        _ => Err(ContentError::Reserved),
+    }
+}
+
+fn write_sensor(w: &mut Writer<'_>, sensor: Option<&WrenchSample>) -> Result<(), Short> {
+    let sample = sensor.copied().unwrap_or_default();
+    let has_sample = if sensor.is_some() { HAS_SAMPLE } else { 0 };
+    w.u8(if sample.is_cut { IS_CUT } else { 0 } | has_sample)?;
+    w.u8(sample.age)?;
+    sample.force.iter().try_for_each(|force| w.i32(force.0))?;
+    sample.moment.iter().try_for_each(|moment| w.i32(moment.0))
+}
+
 /// Bytes of an axis.
 const AXIS: usize = 8 + 2 * OFFSETS + 14 + 2;
 
@@ -237,7 +275,7 @@ fn write_axis(w: &mut Writer<'_>, axis: &AxisState) -> Result<(), Short> {
 }
 
 impl<const N: usize> Body for State<N> {
-    const LENGTH: usize = 76_usize.saturating_add(N.saturating_mul(AXIS));
+    const LENGTH: usize = 102_usize.saturating_add(N.saturating_mul(AXIS));
 
     fn write(&self, body: &mut [u8]) -> Result<(), Short> {
         let mut w = Writer::new(body);
@@ -251,6 +289,7 @@ impl<const N: usize> Body for State<N> {
         w.u32(self.ramp_ticks_left)?;
         w.u16(self.arrival_us)?;
         write_counters(&mut w, &self.counters)?;
+        write_sensor(&mut w, self.sensor.as_ref())?;
         self.axes
             .iter()
             .try_for_each(|axis| write_axis(&mut w, axis))
@@ -268,6 +307,7 @@ impl<const N: usize> Body for State<N> {
         let ramp_ticks_left = r.u32()?;
         let arrival_us = r.u16()?;
         let counters = read_counters(&mut r)?;
+        let sensor = read_sensor(&mut r)?;
         let mut axes = [AxisState::default(); N];
         for axis in &mut axes {
             *axis = read_axis(&mut r)?;
@@ -282,6 +322,7 @@ impl<const N: usize> Body for State<N> {
             arrival_us,
             ramp_ticks_left,
             counters,
+            sensor,
             axes,
         })
     }

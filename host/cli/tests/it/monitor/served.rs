@@ -257,7 +257,7 @@ fn the_status_is_the_state_of_its_tick_in_each_phase() {
         "--labcomm-version",
         "2014",
     ];
-    let (mut server, [address, _]) = serve_typed(&folder, ["60", "0.5"], &further, Stdio::piped());
+    let (mut server, address) = serve_typed(&folder, ["60", "0.5"], &further, Stdio::piped());
     let port = ports(&mut server)[0];
     let (_monitor, page) = page_of(&folder, port, &[]);
     let mut watch = Watch {

@@ -173,10 +173,8 @@ fn that_hang_keep_no_monitor() {
 fn in_the_middle_of_a_client() {
     let bench = Bench::new("disk-client");
     let server = bench.healthy_serve();
-    let (address, sensor) = (bench.at(7000), bench.at(7001));
-    let arguments = [
-        "client", &address, "--sensor", &sensor, "--record", "full.csv",
-    ];
+    let address = bench.at(7000);
+    let arguments = ["client", &address, "--record", "full.csv"];
     let mut owner = bench.folder.start("client", &arguments);
     let from = bench.await_an_offset();
     fill_disks(&owner, true);
@@ -213,15 +211,7 @@ fn said_on_a_full_disk(folder: &Folder, arguments: &[&str]) -> (Option<i32>, Str
 fn at_the_start_is_one_line() {
     let bench = Bench::new("disk-start");
     bench.folder.write("plan.toml", PLAN);
-    let serve = [
-        "serve",
-        "--listen",
-        "127.0.0.1:0",
-        "--sensor",
-        "127.0.0.1:0",
-        "--epoch-file",
-        "epoch",
-    ];
+    let serve = ["serve", "--listen", "127.0.0.1:0", "--epoch-file", "epoch"];
     let demo = [
         "demo",
         "--pace",
@@ -309,8 +299,8 @@ fn in_the_middle_of_an_experiment() {
     bench
         .folder
         .write("plan.toml", &format!("{before}levels_n{series}"));
-    let [server, sensor, gauges] = [7000, 7001, 7002].map(|port| bench.at(port));
-    let addresses = ["--sensor", &sensor, "--gauges", &gauges];
+    let [server, gauges] = [7000, 7002].map(|port| bench.at(port));
+    let addresses = ["--gauges", &gauges];
     let serve = [
         "serve",
         "--plan",

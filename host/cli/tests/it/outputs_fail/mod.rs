@@ -75,11 +75,9 @@ impl Bench {
         streams: Streams,
         further: &[&str],
     ) -> Running {
-        let (listen, sensor, labcomm) = (self.at(7000), self.at(7001), self.at(7003));
+        let (listen, labcomm) = (self.at(7000), self.at(7003));
         let ports = format!("{labcomm}=state,axes,tool,session_event,drives,machine");
-        let mut arguments = vec![
-            "serve", "--pace", "lockstep", "--listen", &listen, "--sensor", &sensor,
-        ];
+        let mut arguments = vec!["serve", "--pace", "lockstep", "--listen", &listen];
         arguments.extend([
             "--force-max",
             "120",
@@ -91,7 +89,6 @@ impl Bench {
         arguments.extend(further);
         let server = self.folder.start_by(program, "serve", &arguments, streams);
         self.await_port(7000);
-        self.await_port(7001);
         server
     }
 
@@ -100,22 +97,17 @@ impl Bench {
     }
 
     fn client(&self, program: &mut std::process::Command, streams: Streams) -> Running {
-        let (server, sensor) = (self.at(7000), self.at(7001));
-        self.folder.start_by(
-            program,
-            "client",
-            &["client", &server, "--sensor", &sensor],
-            streams,
-        )
+        let server = self.at(7000);
+        self.folder
+            .start_by(program, "client", &["client", &server], streams)
     }
 
     /// The client of a server that a monitor reads, some hundred ticks per second: as fast as it
     /// can, lock-step is too fast for a monitor.
     fn paced_client(&self) -> Running {
         relay_paced(TcpListener::bind((self.ip, 7010)).unwrap(), self.at(7000));
-        let (relay, sensor) = (self.at(7010), self.at(7001));
-        self.folder
-            .start("client", &["client", &relay, "--sensor", &sensor])
+        let relay = self.at(7010);
+        self.folder.start("client", &["client", &relay])
     }
 
     /// Waits until a port is listened on.

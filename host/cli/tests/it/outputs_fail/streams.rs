@@ -187,16 +187,14 @@ fn of_a_relay() {
     each(|name, failure, failing| {
         let bench = Bench::new(&format!("relay-{name}"));
         let server = bench.healthy_serve();
-        let (listen, to, sensor) = (bench.at(7100), bench.at(7000), bench.at(7001));
+        let (listen, to) = (bench.at(7100), bench.at(7000));
         let (mut program, streams, other) = failure.streams(failing);
         let arguments = ["faults", "--listen", &listen, "--to", &to, "--json"];
         let relay = bench
             .folder
             .start_by(&mut program, "faults", &arguments, streams);
         bench.await_port(7100);
-        let owner = bench
-            .folder
-            .start("client", &["client", &listen, "--sensor", &sensor]);
+        let owner = bench.folder.start("client", &["client", &listen]);
         let from = bench.await_an_offset();
         drop(other);
         bench.await_more(from);
@@ -338,8 +336,8 @@ fn of_an_experiment() {
     for failure in FAILURES {
         let bench = Bench::new(&format!("experiment-{failure:?}"));
         bench.folder.write("plan.toml", PLAN);
-        let [server, sensor, gauges] = [7000, 7001, 7002].map(|port| bench.at(port));
-        let addresses = ["--sensor", &sensor, "--gauges", &gauges];
+        let [server, gauges] = [7000, 7002].map(|port| bench.at(port));
+        let addresses = ["--gauges", &gauges];
         let serve = [
             "serve",
             "--plan",

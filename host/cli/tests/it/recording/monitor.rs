@@ -20,7 +20,7 @@ const FILES: [&str; 3] = ["monitor.csv", "monitor.labcomm", "monitor.mcap"];
 fn a_monitor_records_what_the_server_records() {
     let folder = Folder::new("recording-monitor");
     let further = ["--record", "serve.csv", "--labcomm", PORT];
-    let (mut server, [address, sensor]) = serve_pulling(&folder, ["60", "0.5"], &further);
+    let (mut server, address) = serve_pulling(&folder, ["60", "0.5"], &further);
     let port = ports(&mut server)[0].to_string();
     let monitors = FILES.map(|file| folder.start(file, &["monitor", &port, "--record", file]));
     // Buffers and chunks: with the first bytes of each file some ticks were received.
@@ -32,7 +32,7 @@ fn a_monitor_records_what_the_server_records() {
     let relay = TcpListener::bind("127.0.0.1:0").unwrap();
     let relayed = relay.local_addr().unwrap().to_string();
     relay_paced(relay, address);
-    let client = folder.start("client", &["client", &relayed, "--sensor", &sensor]);
+    let client = folder.start("client", &["client", &relayed]);
     await_obtain(&mut server, 1);
     server.await_that("a thousand ticks", |_| {
         std::fs::metadata(folder.path(FILES[0])).unwrap().len() > 400_000

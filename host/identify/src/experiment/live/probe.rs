@@ -3,12 +3,12 @@
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use gantry_tau_client::force_sensor::Sample;
 use gantry_tau_client::{ClientControls, ClientError, Observer};
 use gantry_tau_core::control::message::{Capabilities, State, Welcome};
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_server::links::gauges::MAX_GAUGES;
 use gantry_tau_server::links::gauges::{GaugeReader, Lengths};
-use gantry_tau_server::links::sensor;
 
 use crate::experiment::windows::InstrumentSample;
 
@@ -109,11 +109,7 @@ impl<const N: usize> Observer<N> for Probe<'_, N> {
         self.is_lockstep = welcome.capabilities.contains(Capabilities::LOCKSTEP);
     }
 
-    fn answered(
-        &mut self,
-        state: &State<N>,
-        sample: Option<&sensor::Sample>,
-    ) -> Result<(), ClientError> {
+    fn answered(&mut self, state: &State<N>, sample: Option<&Sample>) -> Result<(), ClientError> {
         let is_leaving = self.quit.load(Ordering::Relaxed);
         if is_leaving {
             self.controls.quit.store(true, Ordering::Relaxed);

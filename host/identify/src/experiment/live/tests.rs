@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Sender, channel};
 
+use gantry_tau_client::force_sensor::Sample;
 use gantry_tau_client::{Observer, Oscillation};
 use gantry_tau_core::control::message::{Capabilities, State, Welcome};
 use gantry_tau_core::units::{Epoch, EpochRange, Tick as CoreTick};
@@ -16,7 +17,6 @@ use gantry_tau_core::units::{Epoch, EpochRange, Tick as CoreTick};
 use gantry_tau_machine::model::{L2, L2_MOTORS};
 use gantry_tau_record::recording::drain;
 use gantry_tau_server::links::gauges::GaugePublisher;
-use gantry_tau_server::links::sensor::{self, SensorPublisher};
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_server::server::Server;
 use gantry_tau_server::server::cycle::Cycle;
@@ -50,7 +50,6 @@ fn robot() -> RobotFile<L2, 3> {
 /// The simulated machine in a campaign, behind a server.
 struct TestBench {
     server: Server<3>,
-    sensor: SocketAddr,
     gauges: SocketAddr,
     ticks: Arc<AtomicU64>,
 }
@@ -71,8 +70,6 @@ impl TestBench {
         let machine =
             CampaignMachine::<3, L2_MOTORS>::from_robot(robot, plan.clone(), link).unwrap();
         let switch = machine.switch();
-        let sensor = SensorPublisher::bind(loopback()).unwrap();
-        let sensor_address = sensor.address().unwrap();
         let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
         let motors = robot.motor_map().unwrap();
         let cycle = Cycle::new(
@@ -83,8 +80,7 @@ impl TestBench {
             StopLatch::volatile(),
             loopback(),
         );
-        let (server, mut rows) =
-            Server::spawn(cycle.unwrap().with_sensor(sensor), TickSource::Lockstep).unwrap();
+        let (server, mut rows) = Server::spawn(cycle.unwrap(), TickSource::Lockstep).unwrap();
         let ticks = Arc::new(AtomicU64::new(0));
         let seen = Arc::clone(&ticks);
         // Ends with the server.
@@ -97,7 +93,6 @@ impl TestBench {
         });
         Self {
             server,
-            sensor: sensor_address,
             gauges,
             ticks,
         }
@@ -114,7 +109,7 @@ impl TestBench {
             plan: plan.clone(),
             server: self.server.address.into(),
             transport: Transport::Stream,
-            sensor: self.sensor.into(),
+            sensor: SensorSource::States,
             accelerometer: None,
             gauges: Some(self.gauges.into()),
             obtain: false,
@@ -186,9 +181,10 @@ fn show(probe: &mut Probe<'_, 3>, tick: u64) {
         tick: CoreTick(tick),
         ..TickRecord::listening().state
     };
-    let sample = sensor::Sample {
+    let sample = Sample {
         tick,
         wrench: [0.0; 6],
+        is_cut: false,
     };
     probe.answered(&state, Some(&sample)).unwrap();
 }

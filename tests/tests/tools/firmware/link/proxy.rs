@@ -1,8 +1,5 @@
-//! Proxy before the target: forwards every byte, records every State before its client receives it,
-//! and is the force sensor.
-//!
-//! The sample of a tick leaves before the State of that tick, as in a real cell where one cycle
-//! does both; so the client's offsets depend on ticks only.
+//! Proxy before the target: forwards every byte, and records every State before its client receives
+//! it.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -11,17 +8,11 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_core::control::message::{Phase, ServerMessage};
+use gantry_tau_core::control::message::ServerMessage;
 use gantry_tau_core::control::wire::{Deframer, Feed, decode_server};
-use gantry_tau_server::links::sensor::{Sample, SensorPublisher};
 
 use super::journal::Journal;
 use super::{PATIENCE, State};
-
-/// Wrench of the unloaded sensor, N and N m, sensor axes; the client tares it.
-const BIAS: [f64; 6] = [1.5, -0.8, -16.0, 0.05, 0.08, 0.02];
-/// Ticks in Obtain before the load acts.
-const PULL_AFTER: u32 = 100;
 
 /// State of the proxy that its threads share.
 #[derive(Default)]
@@ -30,48 +21,28 @@ struct Shared {
     quit: AtomicBool,
     /// Both ends of every connection, to be shut at the end.
     open: Mutex<Vec<TcpStream>>,
-    sensor: Mutex<Option<Sensor>>,
-}
-
-/// The force sensor.
-struct Sensor {
-    publisher: SensorPublisher,
-    /// Force along x of the world, N: against y of the sensor.
-    pull_n: f64,
-    /// Ticks in Obtain so far.
-    obtained: u32,
 }
 
 /// The proxy; closes everything when dropped.
 pub(super) struct Proxy {
     /// Address for clients.
     pub(super) address: SocketAddr,
-    /// Address of the force sensor.
-    pub(super) sensor: SocketAddr,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Proxy {
-    /// Starts a proxy before `target`; the load `pull_n` acts soon after Obtain.
-    pub(super) fn before(target: SocketAddr, pull_n: f64) -> Self {
+    /// Starts a proxy before `target`.
+    pub(super) fn before(target: SocketAddr) -> Self {
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let publisher = SensorPublisher::bind(any).unwrap();
-        let sensor = publisher.address().unwrap();
         let listener = TcpListener::bind(any).unwrap();
         listener.set_nonblocking(true).unwrap();
         let address = listener.local_addr().unwrap();
         let shared = Arc::new(Shared::default());
-        *shared.sensor.lock().unwrap() = Some(Sensor {
-            publisher,
-            pull_n,
-            obtained: 0,
-        });
         let accepting = Arc::clone(&shared);
         let thread = std::thread::spawn(move || accept(&listener, target, &accepting));
         Self {
             address,
-            sensor,
             shared,
             thread: Some(thread),
         }
@@ -145,7 +116,6 @@ impl Shared {
                 Feed::Incomplete => return,
                 Feed::Frame { frame, consumed } => {
                     if let ServerMessage::State(state) = decode_server(&frame).unwrap() {
-                        self.measure(&state);
                         self.states.push(state);
                     }
                     bytes = &bytes[consumed..];
@@ -153,23 +123,5 @@ impl Shared {
                 Feed::Broken(error) => panic!("the target sent an invalid frame: {error}"),
             }
         }
-    }
-
-    /// Publishes the sample of a tick.
-    fn measure(&self, state: &State) {
-        let mut sensor = self.sensor.lock().unwrap();
-        let sensor = sensor.as_mut().unwrap();
-        sensor.obtained = match state.phase {
-            Phase::Obtain => sensor.obtained + 1,
-            _ => 0,
-        };
-        let mut wrench = BIAS;
-        if sensor.obtained > PULL_AFTER {
-            wrench[1] -= sensor.pull_n;
-        }
-        sensor.publisher.publish(&Sample {
-            tick: state.tick.0,
-            wrench,
-        });
     }
 }

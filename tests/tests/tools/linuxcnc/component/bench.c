@@ -19,15 +19,14 @@ static struct {
     wire_frame waiting;
 } client;
 
-int sockets_open(const char *address, int port, int sensor_port, int udp, char *error, size_t size)
+int sockets_open(const char *address, int port, int udp, char *error, size_t size)
 {
-    (void)address, (void)port, (void)sensor_port, (void)udp, (void)error, (void)size;
+    (void)address, (void)port, (void)udp, (void)error, (void)size;
     return 0;
 }
 void sockets_shut(void) {}
 void sockets_close(uint64_t connection) { client.is_present &= connection != client.connection; }
 void sockets_wait(uint64_t connection, long timeout_ns) { (void)connection, (void)timeout_ns; }
-void sockets_publish(uint64_t tick_number, const double wrench[6]) { (void)tick_number, (void)wrench; }
 
 void sockets_receive(gt_server *to, const uint64_t *owner)
 {

@@ -52,10 +52,10 @@ pub(super) fn misfits() {
         "port",
         |machine| {
             machine
-                .edit("file=epochs", "file=epochs port=7001")
+                .edit("file=epochs", "file=epochs port=70000")
                 .unwrap()
         },
-        "cannot listen on 127.0.0.1:7001 (sensor_port): Address already in use",
+        "port=70000 is not a port, 1 to 65535",
     );
     refuses(
         "checksum",

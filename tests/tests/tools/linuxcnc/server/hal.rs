@@ -64,10 +64,10 @@ pub(super) fn modules() -> &'static Path {
     })
 }
 
-/// Ports that are free, and stay so unless somebody asks for them by number.
-pub(super) fn free_ports<const N: usize>() -> [u16; N] {
-    let held = [(); N].map(|()| TcpListener::bind(("127.0.0.1", 0)).unwrap());
-    held.map(|listener| listener.local_addr().unwrap().port())
+/// A port that is free, and stays so unless somebody asks for it by number.
+pub(super) fn free_port() -> u16 {
+    let held = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+    held.local_addr().unwrap().port()
 }
 
 /// A running session; it ends with this object.

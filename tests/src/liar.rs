@@ -6,16 +6,19 @@ use gantry_tau_machine::model::L2_MOTORS;
 use gantry_tau_server::plant::{Plant, PlantError, Reading};
 use gantry_tau_sim::machine::SimulatedMachine;
 
-/// The simulated machine, whose instruments speak in the cycle as honest ones would.
-pub(super) struct Liar<F> {
+/// The simulated L2, whose instruments speak in the cycle as honest ones would.
+#[derive(Debug)]
+pub struct Liar<F> {
     machine: SimulatedMachine<ARMS, L2_MOTORS>,
-    /// Publishes the samples of a tick, by its reading.
+    /// Changes the reading of a tick, or publishes its samples.
     speak: F,
     reads: u64,
 }
 
-impl<F: FnMut(u64, &Reading<ARMS>) + Send> Liar<F> {
-    pub(super) fn new(machine: SimulatedMachine<ARMS, L2_MOTORS>, speak: F) -> Self {
+impl<F: FnMut(u64, &mut Reading<ARMS>) + Send> Liar<F> {
+    /// Takes what changes each reading, by the number of the tick.
+    #[must_use]
+    pub const fn new(machine: SimulatedMachine<ARMS, L2_MOTORS>, speak: F) -> Self {
         Self {
             machine,
             speak,
@@ -24,7 +27,7 @@ impl<F: FnMut(u64, &Reading<ARMS>) + Send> Liar<F> {
     }
 }
 
-impl<F: FnMut(u64, &Reading<ARMS>) + Send> Plant<ARMS, L2_MOTORS> for Liar<F> {
+impl<F: FnMut(u64, &mut Reading<ARMS>) + Send> Plant<ARMS, L2_MOTORS> for Liar<F> {
     type Error = PlantError;
 
     fn in_force(&mut self) -> Result<[InForce; ARMS], PlantError> {
@@ -32,9 +35,9 @@ impl<F: FnMut(u64, &Reading<ARMS>) + Send> Plant<ARMS, L2_MOTORS> for Liar<F> {
     }
 
     fn read(&mut self, elapsed: u64) -> Result<Reading<ARMS>, PlantError> {
-        let reading = self.machine.read(elapsed)?;
+        let mut reading = self.machine.read(elapsed)?;
         // The read before the first cycle is that of tick 0.
-        (self.speak)(self.reads, &reading);
+        (self.speak)(self.reads, &mut reading);
         self.reads += 1;
         Ok(reading)
     }

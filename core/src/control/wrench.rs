@@ -1,0 +1,125 @@
+//! Wrench at the tool as the force sensor shows it, in integers: what a State tells its client.
+
+use crate::units::{CrossingError, ForceMn, MomentUnm};
+
+/// Sample of the force sensor. Nothing in core depends on it: it goes from the input of a tick to
+/// the State of the same tick.
+///
+/// Half a unit moves the correction of an L2 by at most 0.5 nm, half of the step of an offset.
+///
+/// ```
+/// use gantry_tau_core::control::wrench::WrenchSample;
+/// use gantry_tau_core::units::{ForceMn, MomentUnm};
+/// let sample = WrenchSample::from_si(&[1.5, 0.0, -20.0, 0.0, 0.25, 0.0], 0)?;
+/// assert_eq!(sample.force[2], ForceMn(-20_000));
+/// assert_eq!(sample.moment[1], MomentUnm(250_000));
+/// assert!(WrenchSample::from_si(&[f64::NAN; 6], 0).is_err());
+/// # Ok::<(), gantry_tau_core::units::CrossingError>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub struct WrenchSample {
+    /// Ticks since it was measured. 0: in the reading of this tick; 255: 255 or more.
+    pub age: u8,
+    /// A component was cut to its range: not to be used as a measurement.
+    pub is_cut: bool,
+    /// Force, the sensor's axes.
+    pub force: [ForceMn; 3],
+    /// Moment about the sensor's origin, the sensor's axes.
+    pub moment: [MomentUnm; 3],
+}
+
+impl WrenchSample {
+    /// Rounds force (N), then moment (N m) to the nearest; what is beyond the range is cut, and
+    /// said so.
+    ///
+    /// # Errors
+    /// [`CrossingError::NotFinite`] for NaN: there is no sample.
+    pub fn from_si(wrench: &[f64; 6], age: u8) -> Result<Self, CrossingError> {
+        let [fx, fy, fz, mx, my, mz] = *wrench;
+        let mut sample = Self {
+            age,
+            ..Self::default()
+        };
+        for (place, value) in sample.force.iter_mut().zip([fx, fy, fz]) {
+            let (force, is_cut) = ForceMn::from_si(value)?;
+            *place = force;
+            sample.is_cut |= is_cut;
+        }
+        for (place, value) in sample.moment.iter_mut().zip([mx, my, mz]) {
+            let (moment, is_cut) = MomentUnm::from_si(value)?;
+            *place = moment;
+            sample.is_cut |= is_cut;
+        }
+        Ok(sample)
+    }
+
+    /// Returns force (N), then moment (N m).
+    #[must_use]
+    pub fn to_si(&self) -> [f64; 6] {
+        let ([fx, fy, fz], [mx, my, mz]) = (
+            self.force.map(ForceMn::to_si),
+            self.moment.map(MomentUnm::to_si),
+        );
+        [fx, fy, fz, mx, my, mz]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn components_are_rounded_to_the_nearest() {
+        let sample = WrenchSample::from_si(&[0.0005, -0.0005, 1.2344, 5e-7, -4e-7, -0.0], 7);
+        let sample = sample.unwrap();
+        assert_eq!(sample.force.map(|force| force.0), [1, -1, 1_234]);
+        assert_eq!(sample.moment.map(|moment| moment.0), [1, 0, 0]);
+        assert_eq!((sample.age, sample.is_cut), (7, false));
+    }
+
+    /// The range ends at the largest integer; a component beyond it is cut, an infinite one too.
+    #[test]
+    fn components_beyond_the_range_are_cut() {
+        let end = f64::from(i32::MAX);
+        let within = [end / 1e3, 0.0, 0.0, 0.0, -end / 1e6, 0.0];
+        assert!(!WrenchSample::from_si(&within, 0).unwrap().is_cut);
+        for (component, value) in [
+            (0, 2_147_483.648),
+            (1, f64::NEG_INFINITY),
+            (2, 1e300),
+            (3, 2_147.483_648),
+            (4, -2_147.483_648),
+            (5, f64::INFINITY),
+        ] {
+            let mut wrench = [0.0; 6];
+            wrench[component] = value;
+            let sample = WrenchSample::from_si(&wrench, 0).unwrap();
+            assert!(sample.is_cut, "{value}");
+            let shown = sample.to_si()[component];
+            assert_eq!(shown.signum(), f64::signum(value));
+            assert!(shown.abs() <= end / 1e3);
+        }
+    }
+
+    #[test]
+    fn nan_is_no_sample() {
+        for component in 0..6 {
+            let mut wrench = [1.0; 6];
+            wrench[component] = f64::NAN;
+            let refused = WrenchSample::from_si(&wrench, 0);
+            assert_eq!(refused, Err(CrossingError::NotFinite));
+        }
+    }
+
+    #[test]
+    fn si_units_come_back() {
+        let wrench = [12.345, -0.001, 2_000_000.0, 1.000_001, -2_000.0, 0.0];
+        let sample = WrenchSample::from_si(&wrench, 0).unwrap();
+        for (shown, given) in sample.to_si().into_iter().zip(wrench) {
+            assert!((shown - given).abs() <= 1e-12 * given.abs());
+        }
+    }
+}
