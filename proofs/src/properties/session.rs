@@ -570,14 +570,15 @@ pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
     counts_decide_nothing(input, &Diagnostics::default());
 }
 
-/// Returns the input without events that must not matter: those of non-owners outside Listening,
-/// and the owner's commands that are not fresh.
+/// Returns the input without what must not matter: events of non-owners outside Listening, the
+/// owner's commands that are not fresh, and the sample of the force sensor.
 #[must_use]
 pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input<N> {
     let mut session = *before;
     session.apply_write_result(&input.last_write);
     let classifier = ingress::classifier(&session, input.epochs.after(session.epoch()));
     let mut without = input.clone();
+    without.tick.sensor = None;
     without.events.retain(|(from, event)| {
         if session.owner() != Some(*from) {
             return session.phase() == Phase::Listening;

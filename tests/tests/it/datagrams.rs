@@ -199,7 +199,7 @@ fn bytes_for_one_hello<const N: usize>() -> (usize, usize) {
         Cause::HandshakeTimeout,
         "the handshake is over nevertheless"
     );
-    (bytes, 12 + 28 + 48 * N + 12 + 76 + 44 * N)
+    (bytes, 12 + 28 + 48 * N + 12 + 102 + 44 * N)
 }
 
 /// Found by attack: a Hello of 14 bytes from a forged address brought 215 784 and 349 276 bytes to

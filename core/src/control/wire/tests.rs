@@ -287,7 +287,7 @@ fn bodies_have_their_lengths() {
             State::<6>::LENGTH,
             Command::<6>::LENGTH
         ),
-        (316, 340, 88)
+        (316, 366, 88)
     );
 }
 
