@@ -47,7 +47,7 @@
 
 // Version of this interface. It changes with every change to a type, a constant or the meaning of
 // a function.
-#define GT_ABI_VERSION 6
+#define GT_ABI_VERSION 7
 
 // Longest part of a black box, bytes.
 #define GT_BLACK_BOX_PART 4096
@@ -103,16 +103,16 @@
 #define GT_BLACK_BOX_TICKS 64
 
 // Bytes of a server with 3 axes and no black box, on any target.
-#define GT_SERVER_SIZE_3 8448
+#define GT_SERVER_SIZE_3 8704
 
 // Bytes of a server with 6 axes and no black box.
 #define GT_SERVER_SIZE_6 12032
 
 // Bytes of a server with 3 axes and a black box.
-#define GT_SERVER_SIZE_3_BLACK_BOX 387328
+#define GT_SERVER_SIZE_3_BLACK_BOX 398848
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 582656
+#define GT_SERVER_SIZE_6_BLACK_BOX 594176
 
 // Largest distance of a drive from what gt_start says is in force, nm.
 #define GT_START_WINDOW_NM 1000000
@@ -160,6 +160,15 @@
 // The drives did not take them, which stops, and cannot be read back.
 #define GT_WRITE_UNKNOWN 3
 
+// There is no sample.
+#define GT_SAMPLE_NONE 0
+
+// There is a sample.
+#define GT_SAMPLE_DONE 1
+
+// There is a sample, with a component that was cut to its range: not to be used as a measurement.
+#define GT_SAMPLE_CUT 2
+
 // Result of a call: 0 for success, else the error; gt_error has its details. Axes, arms, links and
 // motors count from 0.
 enum gt_code
@@ -193,7 +202,7 @@ enum gt_code
   // A branch or a sign is neither 1 nor -1. `index`: its number.
   GT_CODE_BRANCH = 11,
   // A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`:
-  // GT_PARAMETER_READING, GT_PARAMETER_STOP or GT_PARAMETER_REARM, `value`: the refused number.
+  // GT_PARAMETER_READING, GT_PARAMETER_SENSOR, GT_PARAMETER_STOP or GT_PARAMETER_REARM, `value`: the refused number.
   GT_CODE_TICK_INPUT = 12,
   // All frames or connections have been polled: the end of a loop, not an error.
   GT_CODE_DONE = 13,
@@ -369,6 +378,8 @@ enum gt_parameter
   GT_PARAMETER_NOTCH_FREQUENCY = 27,
   // Q of a notch.
   GT_PARAMETER_NOTCH_Q = 28,
+  // `status` of the sensor of a gt_tick_input.
+  GT_PARAMETER_SENSOR = 29,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -739,6 +750,18 @@ typedef struct gt_frame {
   uint8_t bytes[GT_MAX_FRAME];
 } gt_frame;
 
+// Sample of the force sensor. The server decides nothing by it: its State carries it to the client.
+typedef struct gt_wrench_sample {
+  // GT_SAMPLE_NONE: the rest is not looked at; GT_SAMPLE_DONE or GT_SAMPLE_CUT.
+  uint8_t status;
+  // Ticks since it was measured: 0 in this tick, 255 for 255 or more.
+  uint8_t age;
+  // Force, the sensor's axes, mN.
+  int32_t force_mn[3];
+  // Moment about the sensor's origin, the sensor's axes, uN m.
+  int32_t moment_unm[3];
+} gt_wrench_sample;
+
 // Measurements of a drive.
 typedef struct gt_actual {
   // Position of the motor side of the axis, nm.
@@ -766,6 +789,8 @@ typedef struct gt_tick_input {
   // The re-arm at the machine: GT_RELEASED or GT_PRESSED. It counts only after it was seen
   // released in Fault.
   uint8_t rearm;
+  // Sample of the force sensor, for the client; zero without one.
+  struct gt_wrench_sample sensor;
   // Nominal references of this cycle, nm.
   int64_t nominal_nm[GT_MAX_AXES];
   // Measurements of the drives.
@@ -842,6 +867,8 @@ typedef struct gt_state {
   uint8_t on_time_of_100;
   // Counts since the session was granted.
   struct gt_counters counters;
+  // Sample of the force sensor, as given.
+  struct gt_wrench_sample sensor;
   // Number of axes.
   uint32_t axis_count;
   // The axes; unused entries are zero.
@@ -1341,6 +1368,10 @@ gt_code gt_server_black_box_release(struct gt_server *server);
 // sender a connection (gt_server_open): anything else from an address without one is dropped, and
 // not answered.
 gt_code gt_datagram_is_hello(const uint8_t *datagram, size_t length, uint8_t *hello);
+
+// Rounds a raw sample of a force sensor (sensor axes, about its origin) to the nearest mN and uN m.
+// A component beyond 2^31 - 1 of them is cut, and `status` says so; with a NaN there is no sample.
+gt_code gt_wrench_sample_of(const struct gt_wrench *raw, uint8_t age, struct gt_wrench_sample *sample);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -54,13 +54,13 @@ pub const GT_BLACK_BOX_NONE: u32 = 0;
 pub const GT_BLACK_BOX_TICKS: u32 = 64;
 
 /// Bytes of a server with 3 axes and no black box, on any target.
-pub const GT_SERVER_SIZE_3: usize = 8_448;
+pub const GT_SERVER_SIZE_3: usize = 8_704;
 /// Bytes of a server with 6 axes and no black box.
 pub const GT_SERVER_SIZE_6: usize = 12_032;
 /// Bytes of a server with 3 axes and a black box.
-pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 387_328;
+pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 398_848;
 /// Bytes of a server with 6 axes and a black box, the largest server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 582_656;
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 594_176;
 
 /// Largest distance of a drive from what gt_start says is in force, nm.
 pub const GT_START_WINDOW_NM: u64 = 1_000_000;
