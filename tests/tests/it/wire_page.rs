@@ -1,8 +1,13 @@
 //! `wire.md` against the encoder and decoder.
 
+use gantry_tau_core::control::message::{ServerMessage, State};
+use gantry_tau_core::control::wire::encode_server;
 use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
+use gantry_tau_core::control::wrench::WrenchSample;
+use gantry_tau_core::units::{ForceMn, MomentUnm};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::{self, gauges};
+use gantry_tau_server::record::TickRecord;
 
 use crate::fuzz_seeds::streams::command;
 
@@ -23,6 +28,33 @@ fn the_worked_example_of_the_specification_holds() {
     assert_eq!(gantry_tau_tests::client::crc32(b"123456789"), 0xcbf4_3926);
     let message = decode_client::<3>(&Frame::parse(&bytes).unwrap()).unwrap();
     assert_eq!(&*encode_client(&message), bytes);
+}
+
+/// The force sensor lies in a State where the page says.
+#[test]
+fn a_state_has_its_force_sensor_at_the_place_of_the_specification() {
+    let page = include_str!("../../../wire.md");
+    let sample = WrenchSample {
+        age: 9,
+        is_cut: true,
+        force: [1, -2, 3].map(ForceMn),
+        moment: [-4, 5, i32::MAX].map(MomentUnm),
+    };
+    let state = State {
+        sensor: Some(sample),
+        ..TickRecord::<3>::listening().state
+    };
+    let frame = encode_server(&ServerMessage::State(state));
+    let mut expected = vec![3, 9];
+    for component in [1, -2, 3, -4, 5, i32::MAX] {
+        expected.extend(component.to_le_bytes());
+    }
+    assert!(page.contains("**State** (102 + 44 N)") && page.contains("\n| 76 | `u8` | bit 0"));
+    assert_eq!(frame.len(), 8 + 102 + 44 * 3 + 4);
+    assert_eq!(frame[8 + 76..][..26], expected);
+    for (offset, field) in [(77, "age"), (78, "force"), (90, "moment")] {
+        assert!(page.contains(&format!("\n| {offset} | {field}")), "{field}");
+    }
 }
 
 /// The gauge link is written down as it is.
