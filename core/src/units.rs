@@ -290,7 +290,7 @@ impl OffsetNm {
 
 /// Returns the nearest whole number, cut to at most `limit` in magnitude (a negative limit is
 /// zero), and whether it was cut.
-fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> {
+pub(crate) fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> {
     let wanted = match PositionNm::from_nanometres(count) {
         Ok(whole) => whole.0,
         Err(_) if count > 0.0 => i64::MAX,
@@ -302,35 +302,6 @@ fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> 
     i32::try_from(cut)
         .map(|whole| (whole, cut != wanted))
         .map_err(|_| CrossingError::OutOfRange { limit_nm: limit })
-}
-
-/// Declares the crossings of a component of a wrench.
-macro_rules! components {
-    ($($name:ident, $unit:literal, $per_si:literal;)*) => {$(
-        impl $name {
-            #[doc = concat!("Float (", $unit, ") to integer: the nearest, cut to ± 2^31 - 1, and whether it was cut.")]
-            ///
-            /// # Errors
-            /// [`CrossingError::NotFinite`] for NaN. Infinities are cut.
-            #[inline]
-            pub fn from_si(value: f64) -> Result<(Self, bool), CrossingError> {
-                let (count, is_cut) = nearest_within(value * $per_si, i32::MAX)?;
-                Ok((Self(count), is_cut))
-            }
-
-            #[doc = concat!("Integer to float (", $unit, "); total.")]
-            #[inline]
-            #[must_use]
-            pub fn to_si(self) -> f64 {
-                f64::from(self.0) / $per_si
-            }
-        }
-    )*};
-}
-
-components! {
-    ForceMn, "N", 1e3;
-    MomentUnm, "N m", 1e6;
 }
 
 #[cfg(test)]

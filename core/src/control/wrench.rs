@@ -1,6 +1,9 @@
 //! Wrench at the tool as the force sensor shows it, in integers: what a State tells its client.
 
-use crate::units::{CrossingError, ForceMn, MomentUnm};
+use crate::units::{ForceMn, MomentUnm, nearest_within};
+
+/// Millinewtons per newton, then micronewton metres per newton metre.
+const PER_SI: [f64; 6] = [1e3, 1e3, 1e3, 1e6, 1e6, 1e6];
 
 /// Sample of the force sensor. Nothing in core depends on it: it goes from the input of a tick to
 /// the State of the same tick.
@@ -10,11 +13,10 @@ use crate::units::{CrossingError, ForceMn, MomentUnm};
 /// ```
 /// use gantry_tau_core::control::wrench::WrenchSample;
 /// use gantry_tau_core::units::{ForceMn, MomentUnm};
-/// let sample = WrenchSample::from_si(&[1.5, 0.0, -20.0, 0.0, 0.25, 0.0], 0)?;
+/// let sample = WrenchSample::from_si(&[1.5, 0.0, -20.0, 0.0, 0.25, 0.0], 0).unwrap();
 /// assert_eq!(sample.force[2], ForceMn(-20_000));
 /// assert_eq!(sample.moment[1], MomentUnm(250_000));
-/// assert!(WrenchSample::from_si(&[f64::NAN; 6], 0).is_err());
-/// # Ok::<(), gantry_tau_core::units::CrossingError>(())
+/// assert_eq!(WrenchSample::from_si(&[f64::NAN; 6], 0), None);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -33,37 +35,46 @@ pub struct WrenchSample {
 
 impl WrenchSample {
     /// Rounds force (N), then moment (N m) to the nearest; what is beyond the range is cut, and
-    /// said so.
-    ///
-    /// # Errors
-    /// [`CrossingError::NotFinite`] for NaN: there is no sample.
-    pub fn from_si(wrench: &[f64; 6], age: u8) -> Result<Self, CrossingError> {
-        let [fx, fy, fz, mx, my, mz] = *wrench;
-        let mut sample = Self {
-            age,
-            ..Self::default()
-        };
-        for (place, value) in sample.force.iter_mut().zip([fx, fy, fz]) {
-            let (force, is_cut) = ForceMn::from_si(value)?;
-            *place = force;
-            sample.is_cut |= is_cut;
+    /// said so. `None` with a NaN: there is no sample.
+    #[must_use]
+    pub fn from_si(wrench: &[f64; 6], age: u8) -> Option<Self> {
+        let (mut counts, mut is_cut) = ([0; 6], false);
+        for ((count, value), per_si) in counts.iter_mut().zip(wrench).zip(PER_SI) {
+            let (nearest, beyond) = nearest_within(value * per_si, i32::MAX).ok()?;
+            *count = nearest;
+            is_cut |= beyond;
         }
-        for (place, value) in sample.moment.iter_mut().zip([mx, my, mz]) {
-            let (moment, is_cut) = MomentUnm::from_si(value)?;
-            *place = moment;
-            sample.is_cut |= is_cut;
-        }
-        Ok(sample)
+        Some(Self {
+            is_cut,
+            ..Self::of_counts(age, counts)
+        })
     }
 
     /// Returns force (N), then moment (N m).
     #[must_use]
     pub fn to_si(&self) -> [f64; 6] {
-        let ([fx, fy, fz], [mx, my, mz]) = (
-            self.force.map(ForceMn::to_si),
-            self.moment.map(MomentUnm::to_si),
-        );
-        [fx, fy, fz, mx, my, mz]
+        let mut wrench = self.counts().map(f64::from);
+        for (value, per_si) in wrench.iter_mut().zip(PER_SI) {
+            *value /= per_si;
+        }
+        wrench
+    }
+
+    /// Returns a sample that was not cut of force (mN), then moment (µN m).
+    pub(crate) const fn of_counts(age: u8, counts: [i32; 6]) -> Self {
+        let [fx, fy, fz, mx, my, mz] = counts;
+        Self {
+            age,
+            is_cut: false,
+            force: [ForceMn(fx), ForceMn(fy), ForceMn(fz)],
+            moment: [MomentUnm(mx), MomentUnm(my), MomentUnm(mz)],
+        }
+    }
+
+    /// Returns force (mN), then moment (µN m).
+    pub(crate) const fn counts(&self) -> [i32; 6] {
+        let ([fx, fy, fz], [mx, my, mz]) = (self.force, self.moment);
+        [fx.0, fy.0, fz.0, mx.0, my.0, mz.0]
     }
 }
 
@@ -109,8 +120,7 @@ mod tests {
         for component in 0..6 {
             let mut wrench = [1.0; 6];
             wrench[component] = f64::NAN;
-            let refused = WrenchSample::from_si(&wrench, 0);
-            assert_eq!(refused, Err(CrossingError::NotFinite));
+            assert_eq!(WrenchSample::from_si(&wrench, 0), None);
         }
     }
 

@@ -29,10 +29,8 @@ pub(crate) const MAX_RECORD: usize = 1 + 8 * 67;
 /// One step of a recording.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Record<'a> {
-    /// A stream is opened.
-    OpenStream,
-    /// A connection of datagrams is opened.
-    OpenDatagram,
+    /// A connection is opened.
+    Open(Transport),
     /// A connection is closed.
     Close(Connection),
     /// Bytes of a stream arrive, or one datagram.
@@ -126,7 +124,7 @@ fn arrive(
         let record = read(room, source)?;
         let owner = server.session().owner();
         let is_allowed = match record {
-            Record::OpenStream | Record::OpenDatagram => budget.accept(),
+            Record::Open(_) => budget.accept(),
             Record::Bytes(from, bytes) => {
                 let left = budget.left(from, owner);
                 budget.count(from, owner, bytes.len());
@@ -142,8 +140,7 @@ fn arrive(
         }
         observer.begin();
         match record {
-            Record::OpenStream => _ = server.open(Transport::Stream),
-            Record::OpenDatagram => _ = server.open(Transport::Datagram),
+            Record::Open(transport) => _ = server.open(transport),
             Record::Close(connection) => server.close(connection),
             Record::Bytes(from, bytes) => _ = server.feed(from, bytes),
             _ => {}
@@ -208,8 +205,8 @@ fn read<'a>(room: &'a mut Room, source: &mut impl Source) -> Option<Record<'a>> 
     }
     let (kind, mut bytes) = bytes.split_first()?;
     Some(match kind {
-        0 => Record::OpenStream,
-        1 => Record::OpenDatagram,
+        0 => Record::Open(Transport::Stream),
+        1 => Record::Open(Transport::Datagram),
         2 => Record::Close(Connection(u64::from_le_bytes(consume(&mut bytes)?))),
         3 => Record::Bytes(Connection(u64::from_le_bytes(consume(&mut bytes)?)), bytes),
         4 => {

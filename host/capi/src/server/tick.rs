@@ -137,7 +137,7 @@ pub unsafe extern "C" fn gt_wrench_sample_of(
         answer(sample, null_mut(), || {
             let raw = Wrench::from(read(raw)?);
             let sample = WrenchSample::from_si(&raw.to_array(), age);
-            Ok(sample.ok().into())
+            Ok(sample.into())
         })
     }
 }

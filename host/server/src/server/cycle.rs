@@ -272,7 +272,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             }),
             sensor: reading
                 .and_then(|reading| reading.tool.as_ref())
-                .and_then(|tool| WrenchSample::from_si(&tool.sensor, tool.sensor_age).ok()),
+                .and_then(|tool| WrenchSample::from_si(&tool.sensor, tool.sensor_age)),
             stop: operator.stop,
             quit: operator.quit,
             rearm: operator.rearm,

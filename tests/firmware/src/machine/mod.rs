@@ -205,7 +205,7 @@ impl Machine {
         meter.begin();
         let result = self.cycle.run(input);
         self.input = input.tick;
-        self.input.sensor = WrenchSample::from_si(&input.load, 0).ok();
+        self.input.sensor = WrenchSample::from_si(&input.load, 0);
         if !matches!(input.motion, Motion::Given) {
             self.last.nominal = result.nominal().unwrap_or(self.last.nominal);
             self.input.reading = Some(self.last);

@@ -13,9 +13,7 @@ use crate::control::message::{
     State, Welcome,
 };
 use crate::control::wrench::WrenchSample;
-use crate::units::{
-    Epoch, ForceMn, MomentUnm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
-};
+use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
 /// Decodes a message of a server.
 ///
@@ -203,39 +201,40 @@ fn write_counters(w: &mut Writer<'_>, counters: &Counters) -> Result<(), Short> 
     w.u16(counters.longest_miss_run)
 }
 
-/// Bit of the sensor's byte: there is a sample.
+/// Byte of a sensor with a sample; without one it is zero.
 const HAS_SAMPLE: u8 = 1;
-/// Bit of the sensor's byte: a component was cut.
-const IS_CUT: u8 = 2;
+/// Byte of a sensor with a sample of which a component was cut.
+const HAS_CUT_SAMPLE: u8 = 3;
 
 /// Reads 26 bytes; without a sample all of them are zero.
 fn read_sensor(r: &mut Reader<'_>) -> Result<Option<WrenchSample>, ContentError> {
     let bits = r.u8()?;
-    let mut sample = WrenchSample {
-        age: r.u8()?,
-        is_cut: bits & IS_CUT != 0,
-        ..WrenchSample::default()
-    };
-    for force in &mut sample.force {
-        *force = ForceMn(r.i32()?);
-    }
-    for moment in &mut sample.moment {
-        *moment = MomentUnm(r.i32()?);
+    let age = r.u8()?;
+    let mut counts = [0; 6];
+    for count in &mut counts {
+        *count = r.i32()?;
     }
     match bits {
-        0 if sample == WrenchSample::default() => Ok(None),
-        HAS_SAMPLE | 3 => Ok(Some(sample)),
+        0 if age == 0 && counts == [0; 6] => Ok(None),
+        HAS_SAMPLE | HAS_CUT_SAMPLE => Ok(Some(WrenchSample {
+            is_cut: bits == HAS_CUT_SAMPLE,
+            ..WrenchSample::of_counts(age, counts)
+        })),
         _ => Err(ContentError::Reserved),
     }
 }
 
 fn write_sensor(w: &mut Writer<'_>, sensor: Option<&WrenchSample>) -> Result<(), Short> {
-    let sample = sensor.copied().unwrap_or_default();
-    let has_sample = if sensor.is_some() { HAS_SAMPLE } else { 0 };
-    w.u8(if sample.is_cut { IS_CUT } else { 0 } | has_sample)?;
+    const NONE: WrenchSample = WrenchSample::of_counts(0, [0; 6]);
+    let (bits, sample) = match sensor {
+        None => (0, &NONE),
+        Some(sample) if sample.is_cut => (HAS_CUT_SAMPLE, sample),
+        Some(sample) => (HAS_SAMPLE, sample),
+    };
+    w.u8(bits)?;
     w.u8(sample.age)?;
-    sample.force.iter().try_for_each(|force| w.i32(force.0))?;
-    sample.moment.iter().try_for_each(|moment| w.i32(moment.0))
+    let counts = sample.counts();
+    counts.iter().try_for_each(|count| w.i32(*count))
 }
 
 /// Bytes of an axis.

@@ -50,8 +50,8 @@ pub(crate) fn hostile() -> &'static Recording {
 /// Returns a record as it stands in a recording.
 pub(crate) fn encode(record: &Record<'_>) -> Vec<u8> {
     let bytes = match record {
-        Record::OpenStream => vec![0],
-        Record::OpenDatagram => vec![1],
+        Record::Open(Transport::Stream) => vec![0],
+        Record::Open(Transport::Datagram) => vec![1],
         Record::Close(connection) => [&[2][..], &connection.0.to_le_bytes()].concat(),
         Record::Bytes(from, bytes) => [&[3][..], &from.0.to_le_bytes(), bytes].concat(),
         Record::Cycle(input) => {

@@ -118,10 +118,7 @@ impl Recorder {
         if !self.budget.accept() {
             return None;
         }
-        self.write(match transport {
-            Transport::Stream => &Record::OpenStream,
-            Transport::Datagram => &Record::OpenDatagram,
-        });
+        self.write(&Record::Open(transport));
         let connection = self.machine.server().open(transport).ok()?;
         self.sockets.insert(connection, Socket::new(transport));
         self.turn = self.turn.or(Some(connection));
