@@ -8,6 +8,7 @@ mod socket;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
 
+use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::Phase;
 
 use super::host::{Floats, play};
