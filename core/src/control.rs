@@ -27,4 +27,3 @@ pub mod monitor;
 pub mod position_loop;
 pub mod session;
 pub mod wire;
-pub mod wrench;

@@ -3,8 +3,8 @@
 //! The *reference path* (anything that can reach a drive) is integer: nanometres, µm/s, per mille
 //! of rated torque, ticks. The *float path* (kinematics, statics, compensation) is `f64` in SI
 //! units. [`PositionNm::from_nanometres`] and [`PositionNm::to_metres`] are the only ways across;
-//! every other conversion of a position is built on them. [`ForceMn`] and [`MomentUnm`] are not on the
-//! reference path: they are only told to a client.
+//! every other conversion of a position is built on them. A [`WrenchSample`] is not on the reference
+//! path: it is told to a client.
 //!
 //! ```
 //! use gantry_tau_core::units::{CrossingError, Metres, PositionNm};
@@ -12,7 +12,11 @@
 //! assert_eq!(PositionNm::from_metres(Metres(f64::NAN)), Err(CrossingError::NotFinite));
 //! ```
 
+mod wrench;
+
 use core::fmt;
+
+pub use wrench::WrenchSample;
 
 /// Declares integers of a unit.
 macro_rules! counts {
@@ -290,7 +294,7 @@ impl OffsetNm {
 
 /// Returns the nearest whole number, cut to at most `limit` in magnitude (a negative limit is
 /// zero), and whether it was cut.
-pub(crate) fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> {
+fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> {
     let wanted = match PositionNm::from_nanometres(count) {
         Ok(whole) => whole.0,
         Err(_) if count > 0.0 => i64::MAX,

@@ -4,7 +4,6 @@
 //! Plain numbers that cannot overflow, a list of deadlines, one function per rule. Only the types
 //! of input and output are core's, so that a whole [`Output`] can be compared.
 
-use gantry_tau_core::control::wrench::WrenchSample;
 use std::iter::repeat_n;
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
@@ -17,7 +16,7 @@ use gantry_tau_core::control::session::{
     Connection, Event, Input, LastWrite, Output, Refusals, Start, TickInput,
 };
 use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS, WrenchSample,
 };
 
 use crate::properties::axis;

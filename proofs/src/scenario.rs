@@ -9,8 +9,6 @@ mod on_session;
 pub use on_endpoint::endpoint_is_right;
 pub use on_session::every_tick_is_right;
 
-use gantry_tau_core::control::wrench::WrenchSample;
-use gantry_tau_core::units::{ForceMn, MomentUnm};
 use std::num::NonZeroU32;
 
 use gantry_tau_core::control::agitation::AgitationBudget;
@@ -25,8 +23,8 @@ use gantry_tau_core::control::session::config::{
 use gantry_tau_core::control::session::{Event, LastWrite, Reading, Session, Start, TickInput};
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
-    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
-    VelocityUmS,
+    ChannelUnit, Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick,
+    TorquePermille, VelocityUmS, WrenchSample,
 };
 use gantry_tau_core::verification::control::{FsmState, Internals, Parts};
 

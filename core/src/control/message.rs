@@ -6,8 +6,9 @@ mod notice;
 
 use crate::control::axis::{Actual, Offsets};
 use crate::control::channel::Limits;
-use crate::control::wrench::WrenchSample;
-use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use crate::units::{
+    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS, WrenchSample,
+};
 
 pub use error::{ContentError, FrameError};
 pub use notice::Notice;

@@ -145,7 +145,7 @@ mod tests {
         Connection, Entry, Event, Input, LastWrite, Output, Reading, Session, Start, TickInput,
         recorder,
     };
-    use gantry_tau_core::control::wrench::WrenchSample;
+    use gantry_tau_core::units::WrenchSample;
     use gantry_tau_core::units::{
         Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick,
         TorquePermille, VelocityUmS,

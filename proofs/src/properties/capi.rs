@@ -15,8 +15,7 @@ use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::message::{AxisState, Counters, Phase, State};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{LastWrite, Output, Session};
-use gantry_tau_core::control::wrench::WrenchSample;
-use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{OffsetNm, TorquePermille, VelocityUmS, WrenchSample};
 use gantry_tau_core::verification::control::{no_output, pending};
 
 /// Code of an answer.

@@ -10,11 +10,10 @@ use gantry_tau_core::control::wire::{
     Body, Collector, FrameError, HEADER_LEN, Kind, MAX_FRAME, Notice, PROTOCOL_VERSION, Stage,
     TRAILER_LEN, encode_client, encode_server,
 };
-use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{
-    Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    Epoch, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    WrenchSample,
 };
-use gantry_tau_core::units::{ForceMn, MomentUnm};
 use gantry_tau_proofs::properties::wire::{
     body_is_canonical, body_survives, chunk_is_collected, cut_frame_is_judged_alike,
     cutting_changes_nothing, feed_is_judged, frame_is_parsed, frame_survives, message_is_canonical,

@@ -12,11 +12,10 @@ use gantry_tau_core::control::session::config::{
 use gantry_tau_core::control::session::{
     BlackBox, Connection, Event, Events, Input, LastWrite, Reading, Session, Start, TickInput,
 };
-use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{
-    Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
+    VelocityUmS, WrenchSample,
 };
-use gantry_tau_core::units::{ForceMn, MomentUnm};
 use gantry_tau_server::black_box::Window;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

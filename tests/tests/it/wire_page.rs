@@ -3,8 +3,7 @@
 use gantry_tau_core::control::message::{ServerMessage, State};
 use gantry_tau_core::control::wire::encode_server;
 use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
-use gantry_tau_core::control::wrench::WrenchSample;
-use gantry_tau_core::units::{ForceMn, MomentUnm};
+use gantry_tau_core::units::{ForceMn, MomentUnm, WrenchSample};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::{self, gauges};
 use gantry_tau_server::record::TickRecord;

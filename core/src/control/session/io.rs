@@ -6,8 +6,7 @@ use crate::control::axis::{Actual, InForce, Reference};
 use crate::control::message::{
     AxisState, Cause, ClientMessage, ContentError, Counters, FrameError, Phase, Refusal, State,
 };
-use crate::control::wrench::WrenchSample;
-use crate::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
+use crate::units::{Epoch, EpochRange, PositionNm, Sequence, Tick, WrenchSample};
 
 /// Events that one tick can take: 8 frames of the owner, its flood or broken stream, a Stop behind
 /// a flood, its closing, and 5 events of non-owners.

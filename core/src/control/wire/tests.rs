@@ -1,7 +1,5 @@
 //! Round trips, canonical encoding, and the deframer over every way to cut a stream.
 
-use crate::control::wrench::WrenchSample;
-use crate::units::{ForceMn, MomentUnm};
 use proptest::prelude::*;
 use std::vec::Vec as StdVec;
 
@@ -13,7 +11,10 @@ use crate::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, ClientMessage, Command, Counters, Hello,
     Mode, Phase, ServerMessage, State, Welcome,
 };
-use crate::units::{Epoch, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use crate::units::{
+    Epoch, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
+    WrenchSample,
+};
 
 /// Offsets with a different value at each axis.
 fn offsets(axis: usize) -> Offsets {

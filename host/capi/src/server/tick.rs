@@ -6,9 +6,10 @@ use gantry_tau_core::control::axis::{Actual, InForce, Reference};
 use gantry_tau_core::control::endpoint::{CONNECTIONS, MotorMap, Write};
 use gantry_tau_core::control::message::{AxisFlags, AxisState, Cause, Counters, Phase, State};
 use gantry_tau_core::control::session::{Held, Output, Reading, TickInput};
-use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::model::statics::Wrench;
-use gantry_tau_core::units::{ForceMn, MomentUnm, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::units::{
+    ForceMn, MomentUnm, PositionNm, TorquePermille, VelocityUmS, WrenchSample,
+};
 
 use super::config::{gt_in_force, gt_offsets};
 use super::{GT_MAX_AXES, GT_MAX_CONNECTIONS, GT_MAX_MOTORS};

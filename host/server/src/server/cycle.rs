@@ -11,8 +11,7 @@ use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{self, Session, Start, TickInput};
-use gantry_tau_core::control::wrench::WrenchSample;
-use gantry_tau_core::units::EpochRange;
+use gantry_tau_core::units::{EpochRange, WrenchSample};
 
 use super::ServerError;
 use super::connections::{Connections, Listen, Listening};

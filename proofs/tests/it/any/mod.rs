@@ -1,7 +1,5 @@
 //! Strategies: any value of a type, small and huge alike.
 
-use gantry_tau_core::control::wrench::WrenchSample;
-use gantry_tau_core::units::{ForceMn, MomentUnm};
 use std::num::NonZeroU32;
 
 use gantry_tau_core::control::agitation::{Agitation, AgitationBudget};
@@ -19,8 +17,8 @@ use gantry_tau_core::control::session::{
 };
 use gantry_tau_core::control::wire::{ContentError, FrameError};
 use gantry_tau_core::units::{
-    ChannelUnit, Epoch, EpochRange, OffsetNm, PositionNm, Sequence, Tick, TorquePermille,
-    VelocityUmS,
+    ChannelUnit, Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick,
+    TorquePermille, VelocityUmS, WrenchSample,
 };
 use gantry_tau_core::verification::control::{
     Action, Axis, AxisChannels, AxisCommand, FsmInput, FsmState, Internals, Order, Parts, Rules,

@@ -16,8 +16,7 @@ use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{
     BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
 };
-use gantry_tau_core::control::wrench::WrenchSample;
-use gantry_tau_core::units::{EpochRange, PositionNm};
+use gantry_tau_core::units::{EpochRange, PositionNm, WrenchSample};
 
 pub(crate) use control_cycle::{ControlCycle, CycleResult};
 

@@ -14,9 +14,9 @@ use gantry_tau_core::control::session::{
     BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
 };
 use gantry_tau_core::control::wire::encode_client;
-use gantry_tau_core::control::wrench::WrenchSample;
 use gantry_tau_core::units::{
     Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, TorquePermille, VelocityUmS,
+    WrenchSample,
 };
 use gantry_tau_proofs::scenario::ClientAction;
 use gantry_tau_server::black_box::Window;

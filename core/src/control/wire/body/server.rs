@@ -12,8 +12,7 @@ use crate::control::message::{
     AxisFlags, AxisLimits, AxisState, Capabilities, Cause, Counters, Phase, Refusal, ServerMessage,
     State, Welcome,
 };
-use crate::control::wrench::WrenchSample;
-use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
+use crate::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS, WrenchSample};
 
 /// Decodes a message of a server.
 ///

@@ -1,6 +1,6 @@
 //! Wrench at the tool as the force sensor shows it, in integers: what a State tells its client.
 
-use crate::units::{ForceMn, MomentUnm, nearest_within};
+use super::{ForceMn, MomentUnm, nearest_within};
 
 /// Millinewtons per newton, then micronewton metres per newton metre.
 const PER_SI: [f64; 6] = [1e3, 1e3, 1e3, 1e6, 1e6, 1e6];
@@ -11,8 +11,7 @@ const PER_SI: [f64; 6] = [1e3, 1e3, 1e3, 1e6, 1e6, 1e6];
 /// Half a unit moves the correction of an L2 by at most 0.5 nm, half of the step of an offset.
 ///
 /// ```
-/// use gantry_tau_core::control::wrench::WrenchSample;
-/// use gantry_tau_core::units::{ForceMn, MomentUnm};
+/// use gantry_tau_core::units::{ForceMn, MomentUnm, WrenchSample};
 /// let sample = WrenchSample::from_si(&[1.5, 0.0, -20.0, 0.0, 0.25, 0.0], 0).unwrap();
 /// assert_eq!(sample.force[2], ForceMn(-20_000));
 /// assert_eq!(sample.moment[1], MomentUnm(250_000));
