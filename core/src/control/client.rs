@@ -4,8 +4,8 @@
 //!
 //! 1. Send [`Client::hello`]. Over datagrams, send it again until [`Event::Welcomed`] or
 //!    [`Event::Refused`].
-//! 2. [`Client::feed`] everything that was read, then send [`Client::answer`]: it answers the
-//!    newest State, and each State once.
+//! 2. [`Client::feed`] everything that was read, [poll](Received::poll_event) its events, then send
+//!    [`Client::answer`]: it answers the newest State, and each State once.
 //! 3. To leave, send [`Client::goodbye`] after every feed until [`Client::is_gone`]. Send
 //!    [`Client::stop`] at any time.
 //!
@@ -33,11 +33,9 @@
 //! #    let mut incoming = Vec::new();
 //! #    while let Some((_, frame)) = server.poll_transmit() { incoming.extend_from_slice(frame); }
 //!     // `outgoing` was sent, `incoming` was read from the socket.
-//!     let mut rest = incoming.as_slice();
-//!     while !rest.is_empty() {
-//!         let (consumed, event) = client.feed(rest);
-//!         rest = &rest[consumed..];
-//!         if let Some(Event::Welcomed(welcome)) = event? {
+//!     let mut received = client.feed(&incoming);
+//!     while let Some(event) = received.poll_event() {
+//!         if let Event::Welcomed(welcome) = event? {
 //!             assert_eq!(welcome.cycle_us, 1_000);
 //!         }
 //!     }
@@ -167,15 +165,20 @@ impl<const N: usize> Client<N> {
         Some(encode_client(&hello))
     }
 
-    /// Takes bytes that were read from a stream, up to the end of a frame, or one whole datagram.
-    /// Returns the number of bytes taken and the event in them; `None` for an incomplete frame or
-    /// an ignored datagram.
-    ///
-    /// # Errors
-    /// [`ClientError`]: the server breaks the protocol, its terms do not fit, or a Goodbye has no
-    /// effect. The session, if any, goes on as if the frame had not come; a stream that lost its
-    /// frame boundary stays lost.
-    pub fn feed(&mut self, bytes: &[u8]) -> (usize, Result<Option<Event<N>>, ClientError>) {
+    /// Takes bytes that were read from a stream, or one whole datagram: frame by frame, as their events
+    /// are polled.
+    pub const fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> Received<'a, N> {
+        Received {
+            client: self,
+            rest: Some(bytes),
+        }
+    }
+
+    /// Takes the next frame. Returns the bytes behind it, if any, and its event.
+    fn take<'a>(
+        &mut self,
+        bytes: &'a [u8],
+    ) -> (Option<&'a [u8]>, Result<Option<Event<N>>, ClientError>) {
         if self.dialogue.transport == Transport::Datagram {
             let event = match Frame::parse(bytes) {
                 Ok(frame) => receive(&mut self.dialogue, &frame),
@@ -184,15 +187,16 @@ impl<const N: usize> Client<N> {
                     Ok(None)
                 }
             };
-            return (bytes.len(), event);
+            return (None, event);
         }
         match self.deframer.feed(bytes) {
-            Feed::Incomplete => (bytes.len(), Ok(None)),
-            Feed::Frame { frame, consumed } => (consumed, receive(&mut self.dialogue, &frame)),
-            Feed::Broken(FrameError::Notice(notice)) => {
-                (bytes.len(), Err(ClientError::Notice(notice)))
+            Feed::Incomplete => (None, Ok(None)),
+            Feed::Frame { frame, consumed } => {
+                let rest = bytes.get(consumed..).filter(|rest| !rest.is_empty());
+                (rest, receive(&mut self.dialogue, &frame))
             }
-            Feed::Broken(error) => (bytes.len(), Err(ClientError::Frame(error))),
+            Feed::Broken(FrameError::Notice(notice)) => (None, Err(ClientError::Notice(notice))),
+            Feed::Broken(error) => (None, Err(ClientError::Frame(error))),
         }
     }
 
@@ -266,6 +270,44 @@ impl<const N: usize> Client<N> {
     #[must_use]
     pub const fn ignored(&self) -> Ignored {
         self.dialogue.ignored
+    }
+}
+
+/// Bytes that a client takes as their events are polled.
+#[derive(Debug)]
+#[must_use = "bytes are taken as events are polled"]
+pub struct Received<'a, const N: usize> {
+    client: &'a mut Client<N>,
+    rest: Option<&'a [u8]>,
+}
+
+impl<const N: usize> Received<'_, N> {
+    /// Returns the next event; `None` if all bytes are taken: an incomplete frame waits for its rest,
+    /// and an ignored datagram is counted.
+    ///
+    /// # Errors
+    /// [`ClientError`]: the server breaks the protocol, its terms do not fit, or a Goodbye has no
+    /// effect. The session, if any, goes on as if the frame had not come; a stream that lost its
+    /// frame boundary stays lost.
+    pub fn poll_event(&mut self) -> Option<Result<Event<N>, ClientError>> {
+        while let Some(bytes) = self.rest.take() {
+            let (rest, event) = self.client.take(bytes);
+            self.rest = rest;
+            if let Some(event) = event.transpose() {
+                return Some(event);
+            }
+        }
+        None
+    }
+
+    /// Returns the number of bytes that are not taken yet. They must be fed again if they are not
+    /// polled: a stream without them is broken.
+    #[must_use]
+    pub const fn left(&self) -> usize {
+        match self.rest {
+            Some(bytes) => bytes.len(),
+            None => 0,
+        }
     }
 }
 

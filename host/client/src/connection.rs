@@ -275,10 +275,11 @@ impl<'q, const N: usize> Connection<'q, N> {
         loop {
             while self.has_unread_bytes() {
                 let unread = self.chunk.get(self.from..self.to).unwrap_or_default();
-                let (consumed, event) = self.client.feed(unread);
-                self.from += consumed;
-                if let Some(event) = event? {
-                    return Ok(Heard::Event(event));
+                let mut received = self.client.feed(unread);
+                let event = received.poll_event();
+                self.from = self.to.saturating_sub(received.left());
+                if let Some(event) = event {
+                    return Ok(Heard::Event(event?));
                 }
             }
             if self.quit.load(Ordering::Relaxed) {

@@ -63,8 +63,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     peer.send(&hello)?; // again after a while without an answer: datagrams may be lost
     let mut datagram = [0; 512];
     let length = peer.recv(&mut datagram)?;
-    let (_consumed, event) = client.feed(datagram.get(..length).unwrap_or_default());
-    match event? {
+    let datagram = datagram.get(..length).unwrap_or_default();
+    match client.feed(datagram).poll_event().transpose()? {
         Some(Event::Welcomed(session)) => println!("session granted, epoch {}", session.epoch.0),
         other => println!("no session: {other:?}"),
     }

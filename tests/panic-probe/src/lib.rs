@@ -131,7 +131,8 @@ pub extern "C" fn dialogue(
     };
     let mut client = Client::<6>::new(Transport::Stream, requirements);
     let hello = client.hello();
-    let (consumed, event) = client.feed(bytes);
+    let mut received = client.feed(bytes);
+    let (event, left) = (received.poll_event(), received.left());
     let answer = client.answer(Mode::Obtain, targets);
     let goodbye = client.goodbye();
     let told = [hello, goodbye, client.stop()];
@@ -141,8 +142,8 @@ pub extern "C" fn dialogue(
         .map(|frame| frame.len())
         .sum::<usize>();
     let checked = monitor.check_state(state).is_ok();
-    let heard = event.is_ok() && answer.is_some_and(|answer| answer.is_saturated());
-    i64::try_from(sent.wrapping_add(consumed)).unwrap_or(0) + i64::from(checked && heard)
+    let heard = event.is_some_and(|event| event.is_ok()) && answer.is_some_and(|answer| answer.is_saturated());
+    i64::try_from(sent.wrapping_add(left)).unwrap_or(0) + i64::from(checked && heard)
 }
 
 /// Compensation: validate, tare, filter, compensate.

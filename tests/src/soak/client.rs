@@ -70,12 +70,15 @@ impl<const N: usize> Client<N> {
         }
         for bytes in heard {
             let mut rest = bytes.as_slice();
-            while !rest.is_empty() && !self.gone {
-                let (consumed, event) = self.dialogue.feed(rest);
-                rest = &rest[consumed..];
+            while !self.gone {
+                let mut received = self.dialogue.feed(rest);
+                let Some(event) = received.poll_event() else {
+                    break;
+                };
+                rest = &rest[rest.len() - received.left()..];
                 match event {
-                    Ok(Some(Event::State(_))) => said.extend(self.answer(now, noise)),
-                    Ok(Some(Event::Refused(refusal))) => {
+                    Ok(Event::State(_)) => said.extend(self.answer(now, noise)),
+                    Ok(Event::Refused(refusal)) => {
                         // The axes of a corrupt Hello are behind a checksum.
                         assert!(!matches!(refusal, Refusal::Axes { .. }));
                         self.leave(now);

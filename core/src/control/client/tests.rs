@@ -74,17 +74,27 @@ impl Server {
     ) -> StdVec<Event<2>> {
         let received: StdVec<_> = frame.iter().map(|frame| frame.to_vec()).collect();
         let mut events = StdVec::new();
-        for mut rest in self.tick(&received).concat().chunks(piece) {
-            while !rest.is_empty() {
-                let (consumed, event) = client.feed(rest);
-                assert!(client.is_valid());
-                events.extend(event.unwrap());
-                assert!(consumed > 0);
-                rest = &rest[consumed..];
+        for rest in self.tick(&received).concat().chunks(piece) {
+            let mut received = client.feed(rest);
+            while let Some(event) = received.poll_event() {
+                events.push(event.unwrap());
             }
+            assert_eq!(received.left(), 0);
+            assert!(client.is_valid());
         }
         events
     }
+}
+
+/// Feeds at most one event.
+fn fed<const N: usize>(
+    client: &mut Client<N>,
+    bytes: &[u8],
+) -> Result<Option<Event<N>>, ClientError> {
+    let mut received = client.feed(bytes);
+    let event = received.poll_event().transpose();
+    assert!(received.poll_event().is_none() && received.left() == 0);
+    event
 }
 
 fn far() -> [Offsets; 2] {
@@ -170,7 +180,7 @@ fn submit_is_asked_for_until_the_server_has_accepted_it() {
             std::vec![answer.frame.to_vec()]
         };
         for frame in server.tick(&received) {
-            client.feed(&frame).1.unwrap();
+            fed(&mut client, &frame).unwrap();
         }
         answer.command.mode
     });
@@ -189,12 +199,12 @@ fn a_goodbye_over_datagrams_is_repeated_per_state() {
         assert!(client.goodbye().is_none(), "once per State");
         assert!(client.answer(Mode::Submit, &at(0)).is_none());
         for frame in server.tick(&[]) {
-            assert!(client.feed(&frame).1.is_ok());
+            assert!(fed(&mut client, &frame).is_ok());
         }
     }
     let goodbye = client.goodbye().unwrap().to_vec();
     let frames = server.tick(&[goodbye]);
-    let event = client.feed(&frames[0]).1;
+    let event = fed(&mut client, &frames[0]);
     assert!(matches!(event, Ok(Some(Event::Ended(state))) if state.cause == Cause::Goodbye));
     assert!(client.is_gone() && client.goodbye().is_none());
 }
@@ -205,7 +215,7 @@ fn granted(transport: Transport) -> (Tested, Server) {
     let mut server = Server::new(transport);
     let hello = client.hello().unwrap().to_vec();
     for frame in server.tick(&[hello]) {
-        client.feed(&frame).1.unwrap();
+        fed(&mut client, &frame).unwrap();
     }
     assert_eq!(client.phase(), Some(Phase::Handshake));
     assert!(client.hello().is_none());
@@ -239,13 +249,14 @@ fn a_goodbye_without_effect_is_an_error() {
     let first = client.welcome().unwrap().tick.0;
     for count in 1..u64::from(GOODBYE_STATES) {
         assert!(matches!(
-            client.feed(&state(first + count, Phase::Obtain)).1,
+            fed(&mut client, &state(first + count, Phase::Obtain)),
             Ok(Some(Event::State(_)))
         ));
     }
-    let last = client
-        .feed(&state(first + u64::from(GOODBYE_STATES), Phase::Obtain))
-        .1;
+    let last = fed(
+        &mut client,
+        &state(first + u64::from(GOODBYE_STATES), Phase::Obtain),
+    );
     assert_eq!(last, Err(ClientError::GoodbyeUnheard { states: 100 }));
     assert!(client.is_valid() && !client.is_gone());
 }
@@ -260,11 +271,11 @@ fn a_notice_is_shown_over_streams_and_ignored_over_datagrams() {
         // Known by its header, before the end of the frame.
         for byte in frame.iter().take(8) {
             assert_eq!(event, Ok(None));
-            event = client.feed(&[*byte]).1;
+            event = fed(&mut client, &[*byte]);
         }
         assert_eq!(event, Err(ClientError::Notice(notice)));
         let (mut client, _) = granted(Transport::Datagram);
-        assert_eq!(client.feed(&frame), (frame.len(), Ok(None)));
+        assert_eq!(fed(&mut client, &frame), Ok(None));
         assert_eq!(client.ignored().broken, 1);
     }
 }
@@ -306,10 +317,10 @@ fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams()
     for (frame, error, counts) in cases {
         let (mut client, _) = granted(Transport::Stream);
         let before = client.dialogue;
-        assert_eq!(client.feed(&frame), (frame.len(), Err(error)));
+        assert_eq!(fed(&mut client, &frame), Err(error));
         assert_eq!(client.dialogue, before, "{error}");
         let (mut client, _) = granted(Transport::Datagram);
-        assert_eq!(client.feed(&frame), (frame.len(), Ok(None)), "{error}");
+        assert_eq!(fed(&mut client, &frame), Ok(None), "{error}");
         let ignored = client.ignored();
         assert_eq!(
             [ignored.old, ignored.other_epoch, ignored.unexpected],
@@ -327,7 +338,7 @@ fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams()
     ] {
         let mut early = Tested::new(transport, requirements());
         assert_eq!(
-            early.feed(&state(1, Phase::Handshake)).1,
+            fed(&mut early, &state(1, Phase::Handshake)),
             expected,
             "a State before the Welcome"
         );
@@ -339,14 +350,14 @@ fn messages_that_do_not_fit_are_errors_over_streams_and_ignored_over_datagrams()
 fn a_welcome_is_not_taken_before_a_hello() {
     let welcomed = welcome(|_| {});
     let mut client = Tested::new(Transport::Datagram, requirements());
-    assert_eq!(client.feed(&welcomed).1, Ok(None));
+    assert_eq!(fed(&mut client, &welcomed), Ok(None));
     assert_eq!(client.ignored().unexpected, 1);
     assert!(
         client.hello().is_some() && client.hello().is_some(),
         "as often as asked"
     );
     assert!(matches!(
-        client.feed(&welcomed).1,
+        fed(&mut client, &welcomed),
         Ok(Some(Event::Welcomed(_)))
     ));
 }
@@ -354,15 +365,10 @@ fn a_welcome_is_not_taken_before_a_hello() {
 #[test]
 fn a_state_from_before_the_welcome_is_not_of_this_session() {
     let mut client = greeted(Transport::Datagram, requirements());
-    assert!(
-        client
-            .feed(&welcome(|welcome| welcome.tick = Tick(40)))
-            .1
-            .is_ok()
-    );
-    assert_eq!(client.feed(&state(39, Phase::Handshake)).1, Ok(None));
+    assert!(fed(&mut client, &welcome(|welcome| welcome.tick = Tick(40))).is_ok());
+    assert_eq!(fed(&mut client, &state(39, Phase::Handshake)), Ok(None));
     assert!(matches!(
-        client.feed(&state(40, Phase::Handshake)).1,
+        fed(&mut client, &state(40, Phase::Handshake)),
         Ok(Some(Event::State(_)))
     ));
 }
@@ -404,21 +410,24 @@ fn terms_that_do_not_fit_are_errors_by_name() {
     ];
     for (requirements, frame, error) in cases {
         let mut client = greeted(Transport::Stream, requirements);
-        assert_eq!(client.feed(&frame).1, Err(error));
+        assert_eq!(fed(&mut client, &frame), Err(error));
         assert!(client.welcome().is_none());
     }
     let mut client = greeted(Transport::Stream, any);
-    assert_eq!(client.feed(&usual).1, Ok(Some(Event::Welcomed(terms))));
+    assert_eq!(fed(&mut client, &usual), Ok(Some(Event::Welcomed(terms))));
     // A server of another number of axes.
     let mut other = Client::<3>::new(Transport::Stream, any);
     let _ = other.hello();
-    assert!(matches!(other.feed(&usual).1, Err(ClientError::Content(_))));
+    assert!(matches!(
+        fed(&mut other, &usual),
+        Err(ClientError::Content(_))
+    ));
 }
 
 #[test]
 fn a_refusal_ends_the_client_even_before_its_hello() {
     let mut client = Tested::new(Transport::Stream, requirements());
-    let event = client.feed(&refusal(Refusal::Unavailable)).1;
+    let event = fed(&mut client, &refusal(Refusal::Unavailable));
     assert_eq!(event, Ok(Some(Event::Refused(Refusal::Unavailable))));
     assert!(client.is_gone() && client.hello().is_none() && client.goodbye().is_none());
 }
@@ -429,13 +438,12 @@ fn a_broken_stream_stays_broken_and_a_broken_datagram_is_counted() {
     let mut bytes = state(2, Phase::Handshake).to_vec();
     bytes[20] ^= 1;
     for _ in 0..2 {
-        let (consumed, event) = client.feed(&bytes);
-        assert_eq!(consumed, bytes.len());
+        let event = fed(&mut client, &bytes);
         assert!(matches!(event, Err(ClientError::Frame(_))));
     }
     let (mut client, _) = granted(Transport::Datagram);
-    assert_eq!(client.feed(&bytes), (bytes.len(), Ok(None)));
-    assert_eq!(client.feed(&[]), (0, Ok(None)));
+    assert_eq!(fed(&mut client, &bytes), Ok(None));
+    assert_eq!(fed(&mut client, &[]), Ok(None));
     assert_eq!(client.ignored().broken, 2);
 }
 
@@ -468,7 +476,7 @@ fn a_session_that_is_over_does_not_come_back() {
     let (mut client, _) = granted(Transport::Datagram);
     for (tick, phase) in [(2, Phase::SafeDisconnect), (3, Phase::Obtain)] {
         assert!(matches!(
-            client.feed(&state(tick, phase)).1,
+            fed(&mut client, &state(tick, phase)),
             Ok(Some(Event::Ended(_)))
         ));
     }
@@ -510,7 +518,7 @@ fn every_clause_of_the_invariant_counts() {
     let answer = client.answer(Mode::Submit, &at(0)).unwrap();
     assert!(!answer.is_saturated());
     for frame in server.tick(&[answer.frame.to_vec()]) {
-        client.feed(&frame).1.unwrap();
+        fed(&mut client, &frame).unwrap();
     }
     assert!(client.is_valid() && client.dialogue.last().unwrap().tick > tick);
     for (clause, spoil) in breaks.iter().enumerate() {
@@ -523,15 +531,38 @@ fn every_clause_of_the_invariant_counts() {
     }
 }
 
+/// What was not polled is not taken: it may be fed again, and nothing is lost.
+#[test]
+fn bytes_are_taken_as_events_are_polled() {
+    let (mut client, _) = granted(Transport::Stream);
+    let frames = [2, 3, 4].map(|tick| state(tick, Phase::Handshake).to_vec());
+    let bytes = frames.concat();
+    let one = frames[0].len();
+    let mut received = client.feed(&bytes);
+    assert_eq!(received.left(), bytes.len());
+    assert!(
+        matches!(received.poll_event(), Some(Ok(Event::State(state))) if state.tick == Tick(2))
+    );
+    assert_eq!(received.left(), bytes.len() - one);
+    let mut received = client.feed(&bytes[one..]);
+    for tick in [3, 4] {
+        assert!(
+            matches!(received.poll_event(), Some(Ok(Event::State(state))) if state.tick == Tick(tick))
+        );
+    }
+    assert!(received.poll_event().is_none() && received.left() == 0);
+    assert!(client.feed(&[]).poll_event().is_none());
+}
+
 #[test]
 fn a_frame_in_pieces_is_no_boundary() {
     let (mut client, mut server) = granted(Transport::Stream);
     let frame = server.tick(&[]).concat();
     assert!(client.is_at_boundary());
-    assert_eq!(client.feed(&frame[..9]).1, Ok(None));
+    assert_eq!(fed(&mut client, &frame[..9]), Ok(None));
     assert!(!client.is_at_boundary());
     assert!(matches!(
-        client.feed(&frame[9..]).1,
+        fed(&mut client, &frame[9..]),
         Ok(Some(Event::State(_)))
     ));
     assert!(client.is_at_boundary());
@@ -542,7 +573,7 @@ fn a_frame_in_pieces_is_no_boundary() {
 fn the_first_command_asks_for_submit_whatever_the_server_says() {
     let (mut client, _) = granted(Transport::Stream);
     let tick = client.welcome().unwrap().tick.0;
-    client.feed(&state(tick + 1, Phase::Submit)).1.unwrap();
+    fed(&mut client, &state(tick + 1, Phase::Submit)).unwrap();
     assert_eq!(
         client.answer(Mode::Obtain, &at(0)).unwrap().command.mode,
         Mode::Submit
