@@ -221,21 +221,11 @@ impl PositionNm {
                 }
             });
         }
-        #[expect(
-            clippy::as_conversions,
-            reason = "the one float-to-integer cast of core; the guard above keeps it inside i64"
-        )]
+        #[expect(clippy::as_conversions, reason = "the guard above keeps it inside i64")]
         let truncated = count as i64;
         let rest = count - Self(truncated).as_f64();
-        let carry = if rest >= 0.5 {
-            1
-        } else if rest <= -0.5 {
-            -1
-        } else {
-            0
-        };
         // Below 2^53 there is nothing to wrap.
-        Ok(Self(truncated.wrapping_add(carry)))
+        Ok(Self(truncated.wrapping_add(carry(rest))))
     }
 
     /// Integer to float. Exact to half an ulp; total.
@@ -292,20 +282,39 @@ impl OffsetNm {
     }
 }
 
-/// Returns the nearest whole number, cut to at most `limit` in magnitude (a negative limit is
-/// zero), and whether it was cut.
+/// Returns the nearest whole number, halves away from zero, cut to at most `limit` in magnitude (a
+/// negative limit is zero), and whether it was cut.
 fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> {
-    let wanted = match PositionNm::from_nanometres(count) {
-        Ok(whole) => whole.0,
-        Err(_) if count > 0.0 => i64::MAX,
-        Err(_) if count < 0.0 => i64::MIN,
-        Err(error) => return Err(error),
-    };
-    let limit = i64::from(limit.max(0));
-    let cut = wanted.max(limit.wrapping_neg()).min(limit);
-    i32::try_from(cut)
-        .map(|whole| (whole, cut != wanted))
-        .map_err(|_| CrossingError::OutOfRange { limit_nm: limit })
+    if count.is_nan() {
+        return Err(CrossingError::NotFinite);
+    }
+    #[expect(
+        clippy::as_conversions,
+        reason = "what is beyond i32 is its end, and then cut below"
+    )]
+    let truncated = count as i32;
+    let carry = carry(count - f64::from(truncated));
+    let limit = limit.max(0);
+    let lowest = limit.wrapping_neg();
+    Ok(match truncated.checked_add(carry) {
+        Some(nearest) => (
+            nearest.max(lowest).min(limit),
+            !(lowest..=limit).contains(&nearest),
+        ),
+        None if carry < 0 => (lowest, true),
+        None => (limit, true),
+    })
+}
+
+/// Returns what the rest behind a truncated number adds to the nearest one.
+fn carry<T: From<i8>>(rest: f64) -> T {
+    T::from(if rest >= 0.5 {
+        1
+    } else if rest <= -0.5 {
+        -1
+    } else {
+        0
+    })
 }
 
 #[cfg(test)]
@@ -350,5 +359,45 @@ mod tests {
                 limit_nm: i64::from(i32::MAX)
             })
         );
+    }
+
+    /// The cut crossing against the wide one, about every border.
+    #[test]
+    fn a_cut_count_is_the_nearest_one_or_the_limit() {
+        let ends = [
+            0.0,
+            1.0,
+            2_000_000.0,
+            2_147_483_647.0,
+            2_147_483_648.0,
+            9e15,
+            1e300,
+        ];
+        let offs = [0.0, 0.25, 0.499_999_999_999_999_94, 0.5, 0.75, 1.0, 1.5];
+        let limits = [i32::MIN, -1, 0, 1, 2_000_000, i32::MAX - 1, i32::MAX];
+        for end in ends {
+            for off in offs {
+                for count in [end + off, end - off, -end + off, -end - off] {
+                    let wide = PositionNm::from_nanometres(count)
+                        .map_or(if count > 0.0 { i64::MAX } else { i64::MIN }, |whole| {
+                            whole.0
+                        });
+                    for limit in limits {
+                        let most = i64::from(limit.max(0));
+                        let cut = wide.clamp(-most, most);
+                        let expected = (i32::try_from(cut).unwrap(), cut != wide);
+                        assert_eq!(
+                            nearest_within(count, limit),
+                            Ok(expected),
+                            "{count} {limit}"
+                        );
+                    }
+                }
+            }
+        }
+        for (count, expected) in [(f64::INFINITY, 7), (f64::NEG_INFINITY, -7)] {
+            assert_eq!(nearest_within(count, 7), Ok((expected, true)));
+        }
+        assert_eq!(nearest_within(f64::NAN, 7), Err(CrossingError::NotFinite));
     }
 }
