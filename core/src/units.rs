@@ -154,6 +154,9 @@ pub struct Metres(pub f64);
 /// Up to here every integer is an `f64`, so nothing but the product `metres * 1e9` is rounded.
 pub const CROSSING_LIMIT_NM: i64 = 9_007_199_254_740_992;
 
+/// 2^31, from which on no integer is an `i32`.
+const I32_END: f64 = 2_147_483_648.0;
+
 /// [`CROSSING_LIMIT_NM`] as the float it is exactly.
 const CROSSING_LIMIT_NM_F64: f64 = 9_007_199_254_740_992.0;
 
@@ -270,7 +273,8 @@ impl OffsetNm {
     /// [`CrossingError::NotFinite`] for NaN. Infinities are cut.
     #[inline]
     pub fn from_metres_within(value: Metres, limit: Self) -> Result<(Self, bool), CrossingError> {
-        let (nm, is_cut) = nearest_within(value.0 * NM_PER_METRE, limit.0)?;
+        let (nm, is_cut) =
+            nearest_within(value.0 * NM_PER_METRE, limit.0).ok_or(CrossingError::NotFinite)?;
         Ok((Self(nm), is_cut))
     }
 
@@ -283,27 +287,26 @@ impl OffsetNm {
 }
 
 /// Returns the nearest whole number, halves away from zero, cut to at most `limit` in magnitude (a
-/// negative limit is zero), and whether it was cut.
-fn nearest_within(count: f64, limit: i32) -> Result<(i32, bool), CrossingError> {
-    if count.is_nan() {
-        return Err(CrossingError::NotFinite);
+/// negative limit is zero), and whether it was cut. `None` for NaN.
+fn nearest_within(count: f64, limit: i32) -> Option<(i32, bool)> {
+    let highest = limit.max(0);
+    let lowest = highest.wrapping_neg();
+    let nearest = if count.abs() < I32_END {
+        #[expect(clippy::as_conversions, reason = "the guard above keeps it inside i32")]
+        let truncated = count as i32;
+        truncated.checked_add(carry(count - f64::from(truncated)))
+    } else {
+        None
+    };
+    match nearest {
+        Some(nearest) => Some((
+            nearest.max(lowest).min(highest),
+            !(lowest..=highest).contains(&nearest),
+        )),
+        None if count > 0.0 => Some((highest, true)),
+        None if count < 0.0 => Some((lowest, true)),
+        None => None,
     }
-    #[expect(
-        clippy::as_conversions,
-        reason = "what is beyond i32 is its end, and then cut below"
-    )]
-    let truncated = count as i32;
-    let carry = carry(count - f64::from(truncated));
-    let limit = limit.max(0);
-    let lowest = limit.wrapping_neg();
-    Ok(match truncated.checked_add(carry) {
-        Some(nearest) => (
-            nearest.max(lowest).min(limit),
-            !(lowest..=limit).contains(&nearest),
-        ),
-        None if carry < 0 => (lowest, true),
-        None => (limit, true),
-    })
 }
 
 /// Returns what the rest behind a truncated number adds to the nearest one.
@@ -388,7 +391,7 @@ mod tests {
                         let expected = (i32::try_from(cut).unwrap(), cut != wide);
                         assert_eq!(
                             nearest_within(count, limit),
-                            Ok(expected),
+                            Some(expected),
                             "{count} {limit}"
                         );
                     }
@@ -396,8 +399,8 @@ mod tests {
             }
         }
         for (count, expected) in [(f64::INFINITY, 7), (f64::NEG_INFINITY, -7)] {
-            assert_eq!(nearest_within(count, 7), Ok((expected, true)));
+            assert_eq!(nearest_within(count, 7), Some((expected, true)));
         }
-        assert_eq!(nearest_within(f64::NAN, 7), Err(CrossingError::NotFinite));
+        assert_eq!(nearest_within(f64::NAN, 7), None);
     }
 }

@@ -39,7 +39,7 @@ impl WrenchSample {
     pub fn from_si(wrench: &[f64; 6], age: u8) -> Option<Self> {
         let (mut counts, mut is_cut) = ([0; 6], false);
         for ((count, value), per_si) in counts.iter_mut().zip(wrench).zip(PER_SI) {
-            let (nearest, beyond) = nearest_within(value * per_si, i32::MAX).ok()?;
+            let (nearest, beyond) = nearest_within(value * per_si, i32::MAX)?;
             *count = nearest;
             is_cut |= beyond;
         }

@@ -297,16 +297,14 @@ impl<const N: usize, const HALF: usize> Scenario<N, HALF> {
         }
     }
 
-    fn sensor(&mut self) -> Option<WrenchSample> {
-        let age = u8::try_from(self.noise.below(256)).unwrap();
-        let (is_cut, is_there) = (self.one_in(5), !self.one_in(4));
-        let mut component = || i32::try_from(self.noise.below(4_000_000)).unwrap() - 2_000_000;
-        let [a, b, c, d, e, f] = [(); 6].map(|()| component());
-        is_there.then_some(WrenchSample {
-            age,
-            is_cut,
-            force: [a, b, c].map(ForceMn),
-            moment: [d, e, f].map(MomentUnm),
+    /// Sample of a tick; every fourth has none.
+    fn sensor(&self) -> Option<WrenchSample> {
+        let place = i32::try_from(self.nominal[0] / 1_000).unwrap();
+        (place % 4 != 0).then(|| WrenchSample {
+            age: u8::try_from(place % 256).unwrap(),
+            is_cut: place % 5 == 0,
+            force: [place, -place, 1_000 - place].map(ForceMn),
+            moment: [i32::MAX - place, i32::MIN + place, 7 * place].map(MomentUnm),
         })
     }
 

@@ -505,17 +505,22 @@ type Lie = fn(u64) -> ([f64; 6], u8);
 const HONEST: [f64; 6] = [1.5, -2.0, 3.0, 0.25, -0.125, 0.5];
 
 fn strange_sensors() {
-    // With what a controller sees first: a sample, or none at all.
+    // With what a controller sees first: a sample, or none at all. It has begun by tick 3 000.
     let lies: [(Lie, &str); 5] = [
         (|_| ([f64::NAN; 6], 0), "[] None"),
         (|_| ([1e300, 0.0, 0.0, 0.0, 0.0, 0.0], 0), "[] None"),
         (|_| (HONEST, 255), "[] None"),
         (
-            |tick| (HONEST, u8::try_from(tick).unwrap_or(255)),
+            |tick| {
+                (
+                    HONEST,
+                    u8::try_from(tick.saturating_sub(3_000)).unwrap_or(255),
+                )
+            },
             "[(1.5, -2.0, 3.0, 0.25, -0.125, 0.5)] None",
         ),
         (
-            |tick| (if tick < 500 { HONEST } else { [f64::NAN; 6] }, 0),
+            |tick| (if tick < 3_000 { HONEST } else { [f64::NAN; 6] }, 0),
             "[(1.5, -2.0, 3.0, 0.25, -0.125, 0.5)] None",
         ),
     ];
@@ -534,7 +539,7 @@ fn strange_sensors() {
         session.quit();
         // Who does not need it goes on, and has no old sample.
         let mut session = Session::lying(speak);
-        let program = with_force(&session, "False", "2000");
+        let program = with_force(&session, "False", "5000");
         let (code, said) = session.end_of(program);
         assert_eq!(code, Some(0), "{said}");
         assert!(said.contains(seen), "{said}");
