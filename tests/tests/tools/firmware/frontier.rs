@@ -81,7 +81,9 @@ fn curve(name: &str, measured: &Measured) -> Curve {
 /// ends inside, or below.
 fn goals() -> Curve {
     let text = budget::goal("m7_small_whole", "text");
-    let [l2, f1] = ["l2_tick_worst", "f1_tick_worst"].map(|tick| budget::goal("m7_hostile", tick));
+    // The goals are those of hostile traffic as well.
+    let l2 = budget::goal("m7_calm", "l2_tick_worst");
+    let f1 = budget::goal("m7_hostile", "f1_tick_worst");
     let left = text - text / 8;
     Curve::line(
         "goals",
