@@ -142,7 +142,8 @@ pub extern "C" fn dialogue(
         .map(|frame| frame.len())
         .sum::<usize>();
     let checked = monitor.check_state(state).is_ok();
-    let heard = event.is_some_and(|event| event.is_ok()) && answer.is_some_and(|answer| answer.is_saturated());
+    let heard = event.is_some_and(|event| event.is_ok())
+        && answer.is_some_and(|answer| answer.is_saturated());
     i64::try_from(sent.wrapping_add(left)).unwrap_or(0) + i64::from(checked && heard)
 }
 
