@@ -9,6 +9,7 @@ use std::sync::atomic::AtomicBool;
 use gantry_tau_core::control::message::State;
 use gantry_tau_system::dial::Addresses;
 
+use crate::ClientError;
 use labcomm::LabcommSensor;
 
 /// Name of the sample in the thesis' file.
@@ -71,13 +72,14 @@ impl SensorConnection {
     /// Connects to a source that has an address of its own.
     ///
     /// # Errors
-    /// Nothing listens there; [`io::ErrorKind::Interrupted`] if `quit` was set meanwhile.
-    pub fn connect(source: &SensorSource, quit: &AtomicBool) -> io::Result<Self> {
+    /// [`ClientError::Unreachable`]: nothing listens there. [`ClientError::Quit`] if `quit` was set
+    /// meanwhile.
+    pub fn connect(source: &SensorSource, quit: &AtomicBool) -> Result<Self, ClientError> {
         match source {
             SensorSource::States => Ok(Self::States),
-            SensorSource::Labcomm { address, name } => {
-                LabcommSensor::connect(address, name, quit).map(Self::Labcomm)
-            }
+            SensorSource::Labcomm { address, name } => LabcommSensor::connect(address, name, quit)
+                .map(Self::Labcomm)
+                .map_err(|error| ClientError::unreachable("force sensor", address, error)),
         }
     }
 

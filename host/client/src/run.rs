@@ -20,7 +20,7 @@ use super::connection::Connection;
 use super::oscillation::Oscillations;
 use super::stability::HomeMargin;
 use super::{ClientControls, ClientError, ClientOptions, ClientReport, Observer};
-use crate::force_sensor::{Sample, SensorConnection, SensorSource};
+use crate::force_sensor::{Sample, SensorConnection};
 
 /// Longest time for each step: to connect, to be welcomed, to hear the next State, to leave. A
 /// server that takes longer has vanished.
@@ -104,15 +104,7 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
     let (transport, server) = (options.transport, options.server.clone());
     let mut link =
         Connection::open_unless(&controls.quit, transport, server, PATIENCE, requirements)?;
-    let sensor =
-        SensorConnection::connect(&options.sensor, &controls.quit).map_err(
-            |error| match &options.sensor {
-                SensorSource::Labcomm { address, .. } => {
-                    ClientError::unreachable("force sensor", address, error)
-                }
-                SensorSource::States => ClientError::Setup(error.to_string()),
-            },
-        )?;
+    let sensor = SensorConnection::connect(&options.sensor, &controls.quit)?;
     let accelerometer = match (&robot.sensor.accelerometer, &options.accelerometer) {
         (Some(_), Some(address)) => Some(
             AccelerometerReader::connect(address.clone(), &controls.quit)

@@ -50,3 +50,40 @@ fn embedding_states_the_sizes_of_the_objects() {
         assert!(page.contains(&cell), "docs/embedding.md lacks {cell}");
     }
 }
+
+/// Numbers of a text, with spaces between their groups of digits.
+fn numbers(text: &str) -> impl Iterator<Item = i64> {
+    text.split(|c: char| !c.is_ascii_digit() && c != ' ')
+        .filter_map(|digits| digits.replace(' ', "").parse().ok())
+}
+
+/// The table of the firmware's page states what is recorded of its images.
+#[test]
+fn the_page_of_the_firmware_states_what_is_recorded() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/firmware/");
+    let [sizes, page] = ["sizes.toml", "README.md"]
+        .map(|name| std::fs::read_to_string(format!("{folder}{name}")).unwrap());
+    let sizes: toml::Table = sizes.parse().unwrap();
+    let images = sizes["measured"].as_table().unwrap().values();
+    let recorded: Vec<i64> = images
+        .flat_map(|image| image.as_table().unwrap().values())
+        .filter_map(toml::Value::as_integer)
+        .collect();
+    let (_, section) = page.split_once("## Numbers").unwrap();
+    let (section, _) = section.split_once("## Which build").unwrap();
+    let mut stated = 0;
+    for row in section.lines().filter(|line| line.starts_with("| ")) {
+        let cells: Vec<&str> = row.split('|').collect();
+        for number in cells[3..5].iter().flat_map(|cell| numbers(cell)) {
+            // Smaller ones are no sizes.
+            if number >= 1_000 {
+                stated += 1;
+                assert!(
+                    recorded.contains(&number),
+                    "{number} is not in sizes.toml: {row}"
+                );
+            }
+        }
+    }
+    assert!(stated > 12, "{stated}");
+}
