@@ -27,7 +27,7 @@ pub use tick_source::TickSource;
 use velocity_interface::VelocityInterfaceError;
 
 /// Rows that may wait for a slow observer, about four seconds.
-const ROWS: usize = 4_096;
+pub const ROWS: usize = 4_096;
 
 /// Reason why a session cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
