@@ -190,7 +190,6 @@ static int is_stop_new(void)
 /* Reads the force sensor. A sample that is not valid is none: a client ends if none comes. */
 static void measure(void)
 {
-    static const gt_wrench_sample none = {.status = GT_SAMPLE_NONE};
     static int was_number = 1;
     gt_wrench wrench;
     int is_number = 1;
@@ -201,7 +200,7 @@ static void measure(void)
     }
     is_number = right(is_number || !*pins->wrench_valid, &was_number, "gantry-tau.wrench-N is not a number: no force is published");
     if (!has_wrench || !*pins->wrench_valid || !is_number || gt_wrench_sample_of(&wrench, 0, &input.sensor) != GT_CODE_OK) {
-        input.sensor = none;
+        input.sensor.status = GT_SAMPLE_NONE;
     }
 }
 

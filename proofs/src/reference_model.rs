@@ -67,7 +67,7 @@ struct Point {
     change: i64,
 }
 
-/// What is wrong with the nominal references of a tick.
+/// Judgement of the nominal references of a tick.
 struct PathFaults<const N: usize> {
     /// Axes whose nominal reference is further from the last one than its limit.
     stepped: [bool; N],

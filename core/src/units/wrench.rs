@@ -8,7 +8,8 @@ const PER_SI: [f64; 6] = [1e3, 1e3, 1e3, 1e6, 1e6, 1e6];
 /// Sample of the force sensor. Nothing in core depends on it: it goes from the input of a tick to
 /// the State of the same tick.
 ///
-/// Half a unit moves the correction of an L2 by at most 0.5 nm, half of the step of an offset.
+/// At home of the L2 of `robots/l2.toml` half a unit of one component moves a correction by 0.5 nm
+/// or less, half of the step of an offset.
 ///
 /// ```
 /// use gantry_tau_core::units::{ForceMn, MomentUnm, WrenchSample};

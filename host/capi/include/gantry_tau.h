@@ -202,7 +202,8 @@ enum gt_code
   // A branch or a sign is neither 1 nor -1. `index`: its number.
   GT_CODE_BRANCH = 11,
   // A field of a gt_tick_input is not one of its values; 0 is refused. `parameter`:
-  // GT_PARAMETER_READING, GT_PARAMETER_SENSOR, GT_PARAMETER_STOP or GT_PARAMETER_REARM, `value`: the refused number.
+  // GT_PARAMETER_READING, GT_PARAMETER_SENSOR, GT_PARAMETER_STOP or GT_PARAMETER_REARM, `value`:
+  // the refused number.
   GT_CODE_TICK_INPUT = 12,
   // All frames or connections have been polled: the end of a loop, not an error.
   GT_CODE_DONE = 13,

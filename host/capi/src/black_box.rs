@@ -145,10 +145,9 @@ mod tests {
         Connection, Entry, Event, Input, LastWrite, Output, Reading, Session, Start, TickInput,
         recorder,
     };
-    use gantry_tau_core::units::WrenchSample;
     use gantry_tau_core::units::{
         Epoch, EpochRange, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick,
-        TorquePermille, VelocityUmS,
+        TorquePermille, VelocityUmS, WrenchSample,
     };
 
     const FAR: PositionNm = PositionNm(i64::MIN);

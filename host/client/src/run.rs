@@ -45,8 +45,8 @@ struct ClientSession<'a, const N: usize> {
     recorder: Option<Recorder<ClientRow<N>, N>>,
     events: SessionEvents,
     report: ClientReport,
+    /// States in a row without a usable sample.
     states_without_sample: u64,
-    held_in_a_row: u64,
     obtaining: bool,
     margin: HomeMargin,
     accept_unstable: bool,
@@ -145,7 +145,6 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         events: SessionEvents::default(),
         report: ClientReport::default(),
         states_without_sample: 0,
-        held_in_a_row: 0,
         obtaining: false,
         margin,
         accept_unstable: options.accept_unstable,
@@ -330,21 +329,12 @@ impl<const N: usize> ClientSession<'_, N> {
             self.sample != Some(*latest) && state.tick.0.abs_diff(latest.tick) <= SAMPLE_STATES
         };
         let Some(sample) = latest.filter(is_new) else {
-            self.states_without_sample += 1;
-            let patience = match self.sample {
-                None => self.sensor.patience(),
-                Some(_) => SAMPLE_STATES,
-            };
-            if self.states_without_sample > patience {
-                return Err(ClientError::SensorSilent(self.sensor.silence()));
-            }
-            return Ok(());
+            return self.wait_for_sample(|patient| patient.sensor.silence());
         };
-        self.sample = Some(sample);
-        self.states_without_sample = 0;
         if sample.is_cut {
             return self.hold(&"the force is beyond the range of a State");
         }
+        self.sample = Some(sample);
         let nominal = state.axes.map(|axis| axis.nominal);
         let samples = Samples {
             wrench: Wrench::from_array(sample.wrench),
@@ -353,7 +343,7 @@ impl<const N: usize> ClientSession<'_, N> {
         match self.compensation.cycle(state.tick, &samples, &nominal) {
             Ok(correction) => {
                 self.targets = correction.offsets;
-                self.held_in_a_row = 0;
+                self.states_without_sample = 0;
                 self.note_saturation(&correction.saturated);
                 Ok(())
             }
@@ -395,10 +385,18 @@ impl<const N: usize> ClientSession<'_, N> {
             tracing::warn!("a correction cannot be computed, the last one is held: {error}");
         }
         self.report.held += 1;
-        self.held_in_a_row += 1;
-        if self.held_in_a_row > SAMPLE_STATES {
-            let reason = format!("{SAMPLE_STATES} in a row could not be used: {error}");
-            return Err(ClientError::SensorSilent(reason));
+        self.wait_for_sample(|_| format!("none of {SAMPLE_STATES} could be used: {error}"))
+    }
+
+    /// Counts a State without a usable sample, missing or held. Fails after too many in a row.
+    fn wait_for_sample(&mut self, reason: impl FnOnce(&Self) -> String) -> Result<(), ClientError> {
+        self.states_without_sample += 1;
+        let patience = match self.sample {
+            None => self.sensor.patience(),
+            Some(_) => SAMPLE_STATES,
+        };
+        if self.states_without_sample > patience {
+            return Err(ClientError::SensorSilent(reason(self)));
         }
         Ok(())
     }

@@ -27,7 +27,7 @@ pub use tick_source::TickSource;
 use velocity_interface::VelocityInterfaceError;
 
 /// Rows that may wait for a slow observer, about four seconds.
-pub const ROWS: usize = 4_096;
+const ROWS: usize = 4_096;
 
 /// Reason why a session cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -232,7 +232,10 @@ impl<const N: usize> Server<N> {
         controls: Arc<Controls>,
     ) -> Result<(Self, rtrb::Consumer<TickRecord<N>>), ServerError> {
         let address = cycle.address().map_err(ServerError::thread)?;
-        let (rows, observer) = rtrb::RingBuffer::new(ROWS);
+        let (mut rows, mut observer) = rtrb::RingBuffer::new(ROWS);
+        // Memory that is not locked would else cost the first cycles a page fault each.
+        while rows.push(TickRecord::listening()).is_ok() {}
+        while observer.pop().is_ok() {}
         let switches = Arc::clone(&controls);
         let (starting, until_started) = mpsc::channel();
         let thread = std::thread::Builder::new()

@@ -20,7 +20,7 @@ use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_server::server::cycle::Cycle;
 use gantry_tau_server::server::tick_source::TickSource;
-use gantry_tau_server::server::{Controls, ROWS, Server};
+use gantry_tau_server::server::{Controls, Server};
 use gantry_tau_server::state::StopLatch;
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_sim::machine::SimulatedMachine;
@@ -44,8 +44,6 @@ const TICKS_TO_HEAR: u64 = 20;
 /// Growth of the resident memory that does not count as a leak, KiB: allocators and stacks of
 /// threads wander by some hundred.
 const MEMORY_SLACK_KIB: u64 = 2_048;
-/// Bytes of a row of the server.
-const ROW: usize = size_of::<TickRecord<3>>();
 
 /// Resources that the process holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -177,11 +175,7 @@ impl Minutes {
             // there is room for.
             let most = early.files + u64::try_from(CONNECTIONS).unwrap();
             assert!(late.files <= most, "open files leak: {self:?}");
-            // In its first turn the queue of rows is touched for the first time.
-            let rows = u64::try_from(ROWS).unwrap();
-            let is_new = self.summary.ticks / 5 < rows;
-            let queue = if is_new { rows } else { 0 } * u64::try_from(ROW).unwrap() / 1_024;
-            let most = early.memory_kib + MEMORY_SLACK_KIB + queue;
+            let most = early.memory_kib + MEMORY_SLACK_KIB;
             // A sanitizer's shadow is memory too, and grows with every page that is touched for the
             // first time.
             let sanitized = std::env::var_os("GANTRY_TAU_SANITIZED").is_some();

@@ -21,7 +21,7 @@ use gantry_tau_tests::liar::Liar;
 const TARE: u32 = 50;
 const LOAD: [f64; 6] = [30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// What a sensor says in a tick.
+/// Sample that a sensor tells in a tick.
 #[derive(Clone, Copy)]
 pub(super) struct Told {
     /// Force (N) then moment (N m); with NaN nothing.
@@ -38,7 +38,7 @@ impl Told {
     }
 }
 
-/// What a sensor says in each tick.
+/// Conduct of a sensor, by tick.
 pub(super) type Lie = fn(u64) -> Told;
 
 /// Machine under no load, with a sensor that says what `lie` makes of each tick.
@@ -98,7 +98,7 @@ fn taken_at(then: u64, tick: u64) -> Told {
 
 #[test]
 fn a_sensor_that_lies_or_falls_silent_is_left() {
-    let cases: [(&str, Lie, bool, &str); 8] = [
+    let cases: [(&str, Lie, bool, &str); 9] = [
         (
             "freezes",
             |tick| taken_at(tick.min(2_000), tick),
@@ -122,7 +122,7 @@ fn a_sensor_that_lies_or_falls_silent_is_left() {
                 _ => Told::now([1e300, f64::NEG_INFINITY, 0.0, 0.0, 0.0, 0.0]),
             },
             true,
-            "100 in a row could not be used: the force is beyond the range of a State",
+            "none of 100 could be used: the force is beyond the range of a State",
         ),
         (
             "has a moment beyond its range",
@@ -133,6 +133,17 @@ fn a_sensor_that_lies_or_falls_silent_is_left() {
             },
             true,
             "the force is beyond the range of a State",
+        ),
+        // What cannot be used is no better than nothing: together they are no longer waited for.
+        (
+            "is beyond its range now and then, and else silent",
+            |tick| match tick {
+                ..=2_000 => Told::now(honest(tick)),
+                _ if tick % 40 == 0 => Told::now([1e300; 6]),
+                _ => Told::NOTHING,
+            },
+            true,
+            "none has come for too long",
         ),
         (
             "never speaks",
@@ -166,9 +177,10 @@ fn a_sensor_that_lies_or_falls_silent_is_left() {
         ),
     ];
     for (case, lie, obtains, reason) in cases {
-        let (result, obtained, _) = session(lie, u64::MAX);
+        let (result, obtained, last) = session(lie, u64::MAX);
         let error = result.unwrap_err();
         assert_eq!(obtained, obtains, "{case}");
+        assert!(!obtains || (2_100..2_110).contains(&last), "{case}: {last}");
         assert!(
             matches!(error, ClientError::SensorSilent(_)),
             "{case}: {error}"

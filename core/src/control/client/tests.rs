@@ -531,7 +531,7 @@ fn every_clause_of_the_invariant_counts() {
     }
 }
 
-/// What was not polled is not taken: it may be fed again, and nothing is lost.
+/// Bytes that were not polled may be fed again, and nothing is lost.
 #[test]
 fn bytes_are_taken_as_events_are_polled() {
     let (mut client, _) = granted(Transport::Stream);

@@ -191,7 +191,7 @@ pub fn nominal_stepped(from: PositionNm, to: PositionNm, axis: &AxisConfig, cycl
 #[inline]
 #[must_use]
 pub fn nominal_accelerated(axis: &Axis, to: PositionNm, limit: NominalAccel) -> bool {
-    // Exact for positions within 2^61; whatever goes beyond has stepped.
+    // Exact for positions within 2^61; a path beyond them has stepped.
     let change = to.0.wrapping_sub(axis.nominal.0);
     let last = axis.nominal.0.wrapping_sub(axis.nominal_before.0);
     change.wrapping_sub(last).unsigned_abs() > u64::from(limit.nm.get())

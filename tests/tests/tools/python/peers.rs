@@ -498,7 +498,7 @@ finally:
         .unwrap()
 }
 
-/// What a sensor says in a tick: its sample, with NaN none, and the age of it.
+/// Conduct of a sensor, by tick: its sample, with NaN none, and the age of it.
 type Lie = fn(u64) -> ([f64; 6], u8);
 
 /// Sample of an honest sensor.

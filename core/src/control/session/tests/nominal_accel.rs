@@ -101,7 +101,7 @@ fn what_is_not_read_is_not_judged() {
     }
 }
 
-/// Held at the references in force, an axis is not on the path, whatever the path does.
+/// An axis that is held at the references in force is not on the path.
 #[test]
 fn a_path_that_is_waited_for_is_not_judged() {
     let mut bench = bench(true);
