@@ -11,6 +11,7 @@
 //! | [`wire`] | messages as frames of bytes |
 //! | [`session`] | the server's state machine `[T 5.1.1]` |
 //! | [`endpoint`] | session, deframers and motors: bytes in, drive references and bytes out |
+//! | [`keys`] | tags of frames under shared keys; feature `keyed`, default |
 //! | [`client`] | the client's half of the protocol: bytes in, events and bytes out |
 //! | [`monitor`] | independent run-time check of States and references against limits |
 
@@ -21,6 +22,8 @@ pub mod client;
 pub mod endpoint;
 #[cfg(test)]
 mod fixture;
+#[cfg(feature = "keyed")]
+pub mod keys;
 pub mod message;
 pub mod monitor;
 #[cfg(feature = "position-loop")]

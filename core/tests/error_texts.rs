@@ -186,10 +186,16 @@ fn frames_say_what_is_wrong_with_them() {
         FrameError::TooLong { length: 999 },
         "the header states a body of 999 bytes; at most 384 are allowed",
     );
+    says(FrameError::Suite { received: 513 }, "suite 513 is unknown");
     says(
-        FrameError::Suite { received: 513 },
-        "suite 513; this side takes suite 0 (a checksum)",
+        FrameError::Suite { received: 0 },
+        "a frame with a checksum; this side takes frames with tags",
     );
+    says(
+        FrameError::Suite { received: 1 },
+        "a frame with a tag; this side takes frames with checksums",
+    );
+    says(FrameError::Tag, "the tag is not that of the frame");
     says(
         FrameError::Length,
         "the datagram's length differs from the length in its header",
@@ -243,6 +249,7 @@ fn a_server_says_why_not() {
             Refusal::Unavailable,
             "the server has no room for another connection, or its epochs are used up",
         ),
+        (Refusal::Role, "this key may only read"),
     ];
     let notices = [
         (Notice::VERSION, "the server speaks protocol version 2"),
@@ -250,7 +257,14 @@ fn a_server_says_why_not() {
             Notice::FULL,
             "the server has no room for another connection",
         ),
-        (Notice::SUITE, "the server takes frames of suite 0 only"),
+        (
+            Notice::suite(0),
+            "the server has no key: it takes frames with checksums only",
+        ),
+        (
+            Notice::suite(1),
+            "the server has keys: it takes frames with tags only",
+        ),
         (
             Notice {
                 reason: 77,

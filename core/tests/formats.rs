@@ -49,7 +49,7 @@ all! {
     // States, and what they are made of.
     AxisState, Channel<OffsetNm>, Collector, Deframer, Phase, SensorState, Session<6>, Stage, State<6>,
     // Events, inputs, outputs.
-    Cause, ClientMessage<6>, Command<6>, Entry<Input<6>, Output<6>>, Event<6>, Feed<'static>, Frame<'static>, Hello, Input<6>, Kind,
+    Cause, ClientMessage<6>, Command<6>, Entry<Input<6>, Output<6>>, Event<6>, Feed<Frame<'static>>, Frame<'static>, Hello, Input<6>, Kind,
     LastWrite<6>, Mode, Output<6>, Reading, Replayed<6>, ServerMessage<6>, Solution<[f64; 6]>, Start<6>, TickInput<6>,
     Transport, Welcome<6>,
     // Counters and flags.

@@ -52,6 +52,7 @@
 
 pub(crate) mod dialogue;
 mod error;
+pub(crate) mod guard;
 mod saturation;
 
 use crate::control::axis::Offsets;
@@ -59,9 +60,10 @@ use crate::control::endpoint::Transport;
 use crate::control::message::{
     Capabilities, ClientMessage, Command, FrameError, Mode, Phase, Refusal, State, Welcome,
 };
-use crate::control::wire::{Deframer, Feed, Frame, FrameBytes, decode_server, encode_client};
+use crate::control::wire::{Deframer, Feed, FrameBytes, Sealed, Suite};
 
 use dialogue::Dialogue;
+use guard::Guard;
 
 pub use error::ClientError;
 pub use saturation::Saturated;
@@ -87,6 +89,8 @@ pub struct Requirements {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Event<const N: usize> {
+    /// The server, which has keys, asks for another Hello: send [`Client::hello`] again.
+    Challenged,
     /// The session is granted, on terms that fit the requirements.
     Welcomed(Welcome<N>),
     /// The session is refused. This client has no further use.
@@ -104,7 +108,7 @@ pub enum Event<const N: usize> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]
 pub struct Ignored {
-    /// Datagrams without a valid frame.
+    /// Datagrams without a valid frame; with a key also those without its tag.
     pub broken: u32,
     /// States that were not newer than the last one: duplicated or overtaken.
     pub old: u32,
@@ -134,11 +138,12 @@ impl<const N: usize> Answer<N> {
 }
 
 /// Client's half of the protocol for `N` axes.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Client<const N: usize> {
     dialogue: Dialogue<N>,
     deframer: Deframer,
+    guard: Guard,
 }
 
 impl<const N: usize> Client<N> {
@@ -148,7 +153,27 @@ impl<const N: usize> Client<N> {
         Self {
             dialogue: Dialogue::new(transport, requirements),
             deframer: Deframer::new(),
+            guard: Guard::Checksum,
         }
+    }
+
+    /// Builds a client, between two frames, from its parts.
+    pub(crate) const fn from_parts(dialogue: Dialogue<N>, guard: Guard) -> Self {
+        let suite = match &guard {
+            Guard::Checksum => Suite::Checksum,
+            #[cfg(feature = "keyed")]
+            Guard::Tag(_) => Suite::Tag,
+        };
+        Self {
+            dialogue,
+            deframer: Deframer::of(suite),
+            guard,
+        }
+    }
+
+    /// Returns the state machine on messages.
+    pub(crate) const fn dialogue(&self) -> &Dialogue<N> {
+        &self.dialogue
     }
 
     /// The invariant: dialogue and deframer are valid.
@@ -157,12 +182,12 @@ impl<const N: usize> Client<N> {
         self.dialogue.is_valid() && self.deframer.is_valid()
     }
 
-    /// Returns the Hello to send: over streams once, over datagrams as often as asked. `None` after
-    /// an answer to it.
+    /// Returns the Hello to send: over streams once, over datagrams as often as asked; and again after
+    /// each [`Event::Challenged`]. `None` after an answer to it.
     #[must_use = "the frame must be sent"]
     pub fn hello(&mut self) -> Option<FrameBytes> {
         let hello = ClientMessage::<N>::Hello(self.dialogue.hello()?);
-        Some(encode_client(&hello))
+        Some(self.guard.enclose(&hello))
     }
 
     /// Takes bytes that were read from a stream, or one whole datagram: frame by frame, as their events
@@ -179,25 +204,41 @@ impl<const N: usize> Client<N> {
         &mut self,
         bytes: &'a [u8],
     ) -> (Option<&'a [u8]>, Result<Option<Event<N>>, ClientError>) {
-        if self.dialogue.transport == Transport::Datagram {
-            let event = match Frame::parse(bytes) {
-                Ok(frame) => receive(&mut self.dialogue, &frame),
+        let Self {
+            dialogue,
+            deframer,
+            guard,
+        } = self;
+        if dialogue.transport == Transport::Datagram {
+            let sealed = Sealed::parse(bytes, deframer.suite());
+            let event = match sealed.and_then(|sealed| guard.open(sealed)) {
+                Ok(frame) => guard.receive(dialogue, &frame),
                 Err(_) => {
-                    self.dialogue.count_broken();
+                    dialogue.count_broken();
                     Ok(None)
                 }
             };
             return (None, event);
         }
-        match self.deframer.feed(bytes) {
-            Feed::Incomplete => (None, Ok(None)),
-            Feed::Frame { frame, consumed } => {
-                let rest = bytes.get(consumed..).filter(|rest| !rest.is_empty());
-                (rest, receive(&mut self.dialogue, &frame))
-            }
-            Feed::Broken(FrameError::Notice(notice)) => (None, Err(ClientError::Notice(notice))),
-            Feed::Broken(error) => (None, Err(ClientError::Frame(error))),
-        }
+        let error = match deframer.feed_sealed(bytes) {
+            Feed::Incomplete => return (None, Ok(None)),
+            Feed::Frame { frame, consumed } => match guard.open(frame) {
+                Ok(frame) => {
+                    let rest = bytes.get(consumed..).filter(|rest| !rest.is_empty());
+                    return (rest, guard.receive(dialogue, &frame));
+                }
+                Err(error) => {
+                    deframer.give_up(error);
+                    error
+                }
+            },
+            Feed::Broken(error) => error,
+        };
+        let error = match error {
+            FrameError::Notice(notice) => ClientError::Notice(notice),
+            error => ClientError::Frame(error),
+        };
+        (None, Err(error))
     }
 
     /// Returns the answer to the newest State. `None` if every State is answered, without a
@@ -209,7 +250,7 @@ impl<const N: usize> Client<N> {
     pub fn answer(&mut self, mode: Mode, targets: &[Offsets; N]) -> Option<Answer<N>> {
         let (command, saturated) = self.dialogue.answer(mode, targets)?;
         Some(Answer {
-            frame: encode_client(&ClientMessage::Command(command)),
+            frame: self.guard.enclose(&ClientMessage::Command(command)),
             command,
             saturated,
         })
@@ -223,7 +264,7 @@ impl<const N: usize> Client<N> {
     #[must_use = "the frame must be sent"]
     pub fn goodbye(&mut self) -> Option<FrameBytes> {
         let goodbye = ClientMessage::<N>::Goodbye(self.dialogue.goodbye()?);
-        Some(encode_client(&goodbye))
+        Some(self.guard.enclose(&goodbye))
     }
 
     /// Returns a Stop to send: every offset ramps to zero and stays there until a re-arm at the
@@ -233,7 +274,7 @@ impl<const N: usize> Client<N> {
     #[must_use = "the frame must be sent"]
     pub fn stop(&self) -> Option<FrameBytes> {
         let stop = ClientMessage::<N>::Stop(self.welcome()?.epoch);
-        Some(encode_client(&stop))
+        Some(self.guard.enclose(&stop))
     }
 
     /// True once the server has refused or ended the session.
@@ -309,14 +350,6 @@ impl<const N: usize> Received<'_, N> {
             None => 0,
         }
     }
-}
-
-/// Passes the message of a frame to the dialogue.
-fn receive<const N: usize>(
-    dialogue: &mut Dialogue<N>,
-    frame: &Frame<'_>,
-) -> Result<Option<Event<N>>, ClientError> {
-    dialogue.receive(decode_server(frame)?)
 }
 
 #[cfg(test)]

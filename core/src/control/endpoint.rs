@@ -12,6 +12,10 @@
 
 #[cfg(test)]
 pub(crate) mod bench;
+#[cfg(feature = "keyed")]
+pub(crate) mod gate;
+#[cfg(feature = "keyed")]
+pub(crate) mod keyed;
 mod motors;
 pub(crate) mod slot;
 pub(crate) mod write;
@@ -26,13 +30,17 @@ use crate::control::session::{
     Connection, EVENTS, Event, Held, Input, LastWrite, NoRecorder, Output, Record, Session,
     TickInput,
 };
-use crate::control::wire::{FrameBytes, Kind, enclose, encode_notice};
+use crate::control::wire::{Frame, FrameBytes, Kind, Suite, decode_client, enclose, encode_notice};
 use crate::units::{EpochRange, PositionNm};
 use crate::zip::each;
 
-use slot::Slot;
+#[cfg(feature = "keyed")]
+use gate::Gate;
+use slot::{Answer, Slot};
 use write::report;
 
+#[cfg(feature = "keyed")]
+pub use gate::Budget;
 pub use motors::{MotorMap, MotorMapError};
 pub use slot::Transport;
 pub use write::{PendingReadBack, PendingWrite, Write};
@@ -70,11 +78,22 @@ impl fmt::Display for Full {
 
 impl core::error::Error for Full {}
 
+/// Result of [`Endpoint::greet`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Greeted<'a> {
+    /// The datagram is not answered.
+    Nothing,
+    /// The frame is to be sent to the peer, of which nothing is remembered.
+    Answer(&'a [u8]),
+    /// The peer has a place, and its Hello waits for the coming tick.
+    Peer(Connection),
+}
+
 /// Next frame of a tick to be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Transmit {
-    /// Notices of the slots.
-    Notices,
+    /// Answers of the slots.
+    Answers,
     /// Refusal with this index in the output.
     Refusal(usize),
     /// The Welcome.
@@ -102,8 +121,11 @@ pub struct Endpoint<const N: usize> {
     /// unknown.
     is_told: bool,
     transmit: Transmit,
-    /// The frame that was polled last.
+    /// The frame that was made last.
     frame: FrameBytes,
+    /// Its keys; without them everybody who reaches it is heard.
+    #[cfg(feature = "keyed")]
+    gate: Option<Gate>,
 }
 
 impl<const N: usize> Endpoint<N> {
@@ -122,7 +144,19 @@ impl<const N: usize> Endpoint<N> {
             is_told: true,
             transmit: Transmit::Done,
             frame: FrameBytes::EMPTY,
+            #[cfg(feature = "keyed")]
+            gate: None,
         }
+    }
+
+    /// Returns the form of the trailers of its frames.
+    #[must_use]
+    pub const fn suite(&self) -> Suite {
+        #[cfg(feature = "keyed")]
+        if self.gate.is_some() {
+            return Suite::Tag;
+        }
+        Suite::Checksum
     }
 
     /// Replaces the epochs that may be granted. Epochs up to the last one granted are never granted
@@ -210,7 +244,7 @@ impl<const N: usize> Endpoint<N> {
     /// close it.
     pub fn open(&mut self, transport: Transport) -> Result<Connection, Full> {
         let connection = Connection(self.next_connection);
-        let slot = Slot::new(connection, transport);
+        let slot = Slot::new(connection, transport, self.suite());
         self.slots.push(slot).map_err(|_| Full)?;
         self.next_connection = self.next_connection.saturating_add(1);
         Ok(connection)
@@ -222,6 +256,36 @@ impl<const N: usize> Endpoint<N> {
         match transport {
             Transport::Stream => encode_notice(Notice::FULL),
             Transport::Datagram => enclose(Kind::Refusal, &Refusal::Unavailable),
+        }
+    }
+
+    /// Takes a datagram of a peer without a connection. Only a Hello gets it one; with keys only a Hello
+    /// with a right tag, from a peer that has shown that it hears, and other ones get no answer or one
+    /// that is not longer than they are.
+    ///
+    /// `peer`: its IPv6 address, or that of IPv4 as it is mapped into IPv6, and its port, all
+    /// big-endian.
+    #[cfg_attr(
+        not(feature = "keyed"),
+        expect(unused_variables, reason = "cookies are bound to it")
+    )]
+    pub fn greet(&mut self, peer: &[u8; 18], datagram: &[u8]) -> Greeted<'_> {
+        #[cfg(feature = "keyed")]
+        if self.gate.is_some() {
+            return self.greet_keyed(peer, datagram);
+        }
+        if !is_hello::<N>(datagram) {
+            return Greeted::Nothing;
+        }
+        match self.open(Transport::Datagram) {
+            Ok(connection) => {
+                self.feed(connection, datagram);
+                Greeted::Peer(connection)
+            }
+            Err(Full) => {
+                self.frame = Self::full_refusal(Transport::Datagram);
+                Greeted::Answer(&self.frame)
+            }
         }
     }
 
@@ -259,7 +323,16 @@ impl<const N: usize> Endpoint<N> {
                 return slot.frames;
             }
             begun = true;
-            let Some((event, consumed)) = slot.decode(rest, is_owner) else {
+            #[cfg(feature = "keyed")]
+            let decoded = match &mut self.gate {
+                None => slot.decode(rest, is_owner),
+                Some(gate) => {
+                    keyed::decode(slot, rest, is_owner, gate, &self.session, &mut self.input)
+                }
+            };
+            #[cfg(not(feature = "keyed"))]
+            let decoded = slot.decode(rest, is_owner);
+            let Some((event, consumed)) = decoded else {
                 return slot.frames;
             };
             let expelled = slot.closing && !is_owner;
@@ -323,11 +396,12 @@ impl<const N: usize> Endpoint<N> {
         mark_closed(&mut self.slots, output);
         self.input.events.clear();
         self.input.arrival_us = 0;
+        self.input.unauthentic = 0;
         if let Some(lost) = lost_owner(&self.session, &self.slots) {
             // There is room: the inbox is empty.
             self.input.events.push((lost, Event::Closed)).unwrap_or(());
         }
-        self.transmit = Transmit::Notices;
+        self.transmit = Transmit::Answers;
         Write::of(
             &self.session,
             output,
@@ -397,13 +471,20 @@ impl<const N: usize> Endpoint<N> {
         let output = self.output.as_ref()?;
         loop {
             let to = match self.transmit {
-                Transmit::Notices => {
-                    let noted = |slot: &mut Slot| Some((slot.connection, slot.notice.take()?));
-                    let Some((connection, notice)) = self.slots.iter_mut().find_map(noted) else {
+                Transmit::Answers => {
+                    let noted = |slot: &mut Slot| Some((slot.connection, slot.answer.take()?));
+                    let Some((connection, answer)) = self.slots.iter_mut().find_map(noted) else {
                         self.transmit = Transmit::Refusal(0);
                         continue;
                     };
-                    self.frame.notice(notice);
+                    match answer {
+                        Answer::Notice(notice) => self.frame.notice(notice),
+                        #[cfg(feature = "keyed")]
+                        answer => {
+                            keyed::enclose(answer, &mut self.frame);
+                            keyed::tag_answer(&self.gate, &self.slots, connection, &mut self.frame);
+                        }
+                    }
                     connection
                 }
                 Transmit::Refusal(index) => {
@@ -413,6 +494,8 @@ impl<const N: usize> Endpoint<N> {
                     };
                     self.transmit = Transmit::Refusal(index.saturating_add(1));
                     self.frame.enclose(Kind::Refusal, reason);
+                    #[cfg(feature = "keyed")]
+                    keyed::tag_answer(&self.gate, &self.slots, *connection, &mut self.frame);
                     *connection
                 }
                 Transmit::Welcome => {
@@ -420,18 +503,31 @@ impl<const N: usize> Endpoint<N> {
                     let Some(connection) = output.welcome else {
                         continue;
                     };
-                    self.frame.enclose(Kind::Welcome, &self.session.welcome());
+                    let welcome = self.session.welcome();
+                    self.frame.enclose(Kind::Welcome, &welcome);
+                    #[cfg(feature = "keyed")]
+                    if let Some(gate) = &mut self.gate {
+                        let hello = keyed::hello_of(&self.slots, connection);
+                        gate.tag_welcome(hello, &welcome, &mut self.frame);
+                    }
                     connection
                 }
                 Transmit::State => {
                     self.transmit = Transmit::Done;
                     let Some(owner) = output.owner else { continue };
                     self.frame.enclose(Kind::State, &output.state);
+                    #[cfg(feature = "keyed")]
+                    if let Some(gate) = &self.gate {
+                        gate.tag_state(output.state.epoch, &mut self.frame);
+                    }
                     owner
                 }
                 Transmit::Done => return None,
             };
-            return Some((to, &self.frame));
+            // One without its key is not sent.
+            if !self.frame.is_empty() {
+                return Some((to, &self.frame));
+            }
         }
     }
 
@@ -485,6 +581,10 @@ impl<const N: usize> Endpoint<N> {
         for slot in &mut self.slots {
             slot.begin_tick(owner == Some(slot.connection), patience);
         }
+        #[cfg(feature = "keyed")]
+        if let Some(gate) = &mut self.gate {
+            gate.begin_tick();
+        }
         self.non_owner_events = 0;
         self.input.tick = *tick;
     }
@@ -509,6 +609,12 @@ fn lost_owner<const N: usize>(session: &Session<N>, slots: &[Slot]) -> Option<Co
 /// Returns the slot of a connection.
 fn find(slots: &mut [Slot], connection: Connection) -> Option<&mut Slot> {
     slots.iter_mut().find(|slot| slot.connection == connection)
+}
+
+/// True if a datagram asks for a session.
+fn is_hello<const N: usize>(datagram: &[u8]) -> bool {
+    Frame::parse(datagram)
+        .is_ok_and(|frame| matches!(decode_client::<N>(&frame), Ok(ClientMessage::Hello(_))))
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::control::session::{Input, Session, TickInput};
 use crate::units::{Epoch, EpochRange, OffsetNm, Sequence, Tick};
 
 /// Every reason for a refusal, each number another one.
-pub(crate) const REFUSALS: [Refusal; 6] = [
+pub(crate) const REFUSALS: [Refusal; 7] = [
     Refusal::Busy,
     Refusal::Ramping {
         ticks_left: 0x0102_0304,
@@ -24,6 +24,7 @@ pub(crate) const REFUSALS: [Refusal; 6] = [
         needed: Capabilities(0x0b0c),
     },
     Refusal::Unavailable,
+    Refusal::Role,
 ];
 
 pub(crate) const HELLO: ClientMessage<2> = ClientMessage::Hello(Hello {

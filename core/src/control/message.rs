@@ -2,6 +2,8 @@
 
 mod codes;
 mod error;
+#[cfg(feature = "keyed")]
+mod keyed;
 mod notice;
 
 use crate::control::axis::{Actual, Offsets};
@@ -11,6 +13,8 @@ use crate::units::{
 };
 
 pub use error::{ContentError, FrameError};
+#[cfg(feature = "keyed")]
+pub use keyed::{Challenge, KeyedHello};
 pub use notice::Notice;
 
 /// Largest number of axes a frame can carry.
@@ -34,6 +38,8 @@ impl Capabilities {
     /// Lock-step: time is ticks, the server waits for its client instead of counting a miss at a
     /// deadline.
     pub const LOCKSTEP: Self = Self(1);
+    /// States with tags. A client with a key that does not state it is sent States with checksums.
+    pub const TAGGED_STATES: Self = Self(2);
 
     /// True if every bit of `other` is set.
     #[inline]
@@ -195,7 +201,7 @@ pub enum Cause {
     NetworkLate,
     /// The server itself overran its cycle.
     ServerLate,
-    /// A broken frame boundary or checksum on the owner's stream.
+    /// A broken frame boundary, checksum or tag on the owner's stream.
     Malformed,
     /// The owner's connection was closed or could not take a State.
     Closed,
@@ -243,7 +249,7 @@ pub struct Counters {
     pub limited: u32,
     /// References that the travel clamped.
     pub clamped: u32,
-    /// Frames of non-owners, Hellos aside.
+    /// Frames of non-owners, Hellos aside; with keys, all frames without a right tag, and replayed ones.
     pub non_owner: u32,
     /// Longest run of consecutive misses.
     pub longest_miss_run: u16,
@@ -410,6 +416,8 @@ pub enum Refusal {
     },
     /// The server's epochs are used up, or, over datagrams, it has no room for another peer.
     Unavailable,
+    /// The key of the client may only read.
+    Role,
 }
 
 /// Messages of a server.

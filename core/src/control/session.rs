@@ -333,6 +333,12 @@ impl<const N: usize> Session<N> {
         self.parts.discrete.tick
     }
 
+    /// Returns the sequence of the last accepted command; 0 before the first.
+    #[must_use]
+    pub const fn accepted(&self) -> Sequence {
+        self.parts.discrete.accepted
+    }
+
     /// Returns the epoch of the current or last session.
     #[must_use]
     pub const fn epoch(&self) -> Epoch {
@@ -354,6 +360,7 @@ impl<const N: usize> Session<N> {
             &mut accepted,
             &mut diagnostics,
         );
+        diagnostics.count_unauthentic(input.unauthentic);
         let mut output = self.step(&input.tick, refused, &accepted, &diagnostics);
         output.state.arrival_us = input.arrival_us;
         output.state.sensor = input.tick.sensor;

@@ -1,6 +1,10 @@
 //! Rooms of a session's tick, of a client, and of a monitor.
 
+#[cfg(feature = "keyed")]
+pub mod keyed;
+
 pub use crate::control::client::dialogue::{Dialogue, Granted, Last, Stage};
+pub use crate::control::client::guard::Guard;
 pub use crate::control::endpoint::slot::Slot;
 pub use crate::control::monitor::axis::AxisMonitor;
 pub use crate::control::monitor::trace::{Bounds, Breach, Motion, Trace};
@@ -17,6 +21,7 @@ pub use crate::control::session::ingress::{Accepted, Classifier, Diagnostics, Ve
 pub use crate::control::session::step::{Known, Order, carry_out, order};
 pub use crate::control::wire::frame::checksum;
 
+use crate::control::client::Client;
 use crate::control::endpoint::{Endpoint, Write};
 use crate::control::monitor::Monitor;
 use crate::control::session::config::Config;
@@ -114,4 +119,16 @@ pub const fn pending<'a, const N: usize>(
 #[must_use]
 pub fn is_open<const N: usize>(endpoint: &Endpoint<N>, connection: Connection) -> bool {
     endpoint.is_open(connection)
+}
+
+/// Builds a client, between two frames, from its parts.
+#[must_use]
+pub const fn client_from_parts<const N: usize>(dialogue: Dialogue<N>, guard: Guard) -> Client<N> {
+    Client::from_parts(dialogue, guard)
+}
+
+/// Returns the state machine of a client.
+#[must_use]
+pub const fn dialogue_of<const N: usize>(client: &Client<N>) -> &Dialogue<N> {
+    client.dialogue()
 }

@@ -119,6 +119,15 @@ impl<const N: usize> Dialogue<N> {
         })
     }
 
+    /// Takes note that another Hello is asked for. Returns false if none was said, or it was answered.
+    #[cfg(feature = "keyed")]
+    pub const fn greet_again(&mut self) -> bool {
+        match &mut self.stage {
+            Stage::Greeting { said } => core::mem::replace(said, false),
+            Stage::Granted(_) | Stage::Refused => false,
+        }
+    }
+
     /// Takes a message of the server.
     ///
     /// # Errors
@@ -247,7 +256,11 @@ impl<const N: usize> Dialogue<N> {
         self.ignored.broken = self.ignored.broken.saturating_add(1);
     }
 
-    fn unexpected(&mut self, received: Kind) -> Result<Option<Event<N>>, ClientError> {
+    /// Counts a message that does not fit.
+    ///
+    /// # Errors
+    /// The message, over streams.
+    pub fn unexpected(&mut self, received: Kind) -> Result<Option<Event<N>>, ClientError> {
         self.ignore(ClientError::Unexpected { received })
     }
 

@@ -55,6 +55,12 @@ pub enum ClientError {
         /// Abilities that the server needs.
         needed: Capabilities,
     },
+    /// The server goes on asking for Hellos: it grants sessions to others, or holds this client's Hellos
+    /// up for too long.
+    Challenges {
+        /// Challenges that were answered.
+        answered: u8,
+    },
     /// The session goes on after a Goodbye.
     GoodbyeUnheard {
         /// States received since the Goodbye.
@@ -105,6 +111,12 @@ impl fmt::Display for ClientError {
             }
             Self::Capability { needed } => {
                 write!(f, "the server needs capabilities {:#06x}", needed.0)
+            }
+            Self::Challenges { answered } => {
+                write!(
+                    f,
+                    "the server asks for another Hello after {answered} of them"
+                )
             }
             Self::GoodbyeUnheard { states } => {
                 write!(

@@ -1,8 +1,13 @@
 //! One connection of an endpoint: deframer, budget, and reasons to close it.
 
+#[cfg(feature = "keyed")]
+pub(crate) mod keyed;
+
+#[cfg(feature = "keyed")]
+use crate::control::message::{Challenge, KeyedHello};
 use crate::control::message::{ClientMessage, FrameError, Notice};
 use crate::control::session::{Connection, Event, OWNER_FRAMES};
-use crate::control::wire::{Deframer, Feed, Frame, decode_client};
+use crate::control::wire::{Deframer, Feed, Frame, Suite, decode_client};
 
 /// Carrier of the frames. A broken stream has lost its frame boundary and ends; a broken datagram
 /// is dropped.
@@ -18,6 +23,20 @@ pub enum Transport {
 
 /// Frames that are read per tick of a connection that does not own the session.
 const NON_OWNER_FRAMES: u8 = 1;
+
+/// Answer of an endpoint that no session gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(kani, derive(kani::Arbitrary))]
+pub enum Answer {
+    /// The peer speaks another version or suite.
+    Notice(Notice),
+    /// The peer has to show that it hears.
+    #[cfg(feature = "keyed")]
+    Challenge(Challenge),
+    /// The key of the peer may only read.
+    #[cfg(feature = "keyed")]
+    ReadOnly,
+}
 
 /// State of one connection.
 #[derive(Clone, Debug)]
@@ -36,8 +55,11 @@ pub struct Slot {
     pub closing: bool,
     /// The connection has no further use and waits for [`super::Endpoint::poll_close`].
     pub closed: bool,
-    /// Notice to be sent: the peer speaks another version or suite.
-    pub notice: Option<Notice>,
+    /// Answer to be sent.
+    pub answer: Option<Answer>,
+    /// The last Hello with a right tag.
+    #[cfg(feature = "keyed")]
+    pub hello: Option<KeyedHello>,
     /// Ticks without owning the session.
     idle_ticks: u32,
 }
@@ -45,16 +67,18 @@ pub struct Slot {
 impl Slot {
     /// A new connection.
     #[must_use]
-    pub const fn new(connection: Connection, transport: Transport) -> Self {
+    pub const fn new(connection: Connection, transport: Transport, suite: Suite) -> Self {
         Self {
             connection,
             transport,
-            deframer: Deframer::new(),
+            deframer: Deframer::of(suite),
             frames: 0,
             over_budget: false,
             closing: false,
             closed: false,
-            notice: None,
+            answer: None,
+            #[cfg(feature = "keyed")]
+            hello: None,
             idle_ticks: 0,
         }
     }
@@ -76,6 +100,11 @@ impl Slot {
                 .saturating_add(flood)
                 .saturating_add(last)
         }
+    }
+
+    /// Returns the bytes of the frame that is collected, or was collected last.
+    pub fn held(&self) -> &[u8] {
+        self.deframer.held()
     }
 
     /// True if bytes of this connection are still read.
@@ -115,18 +144,23 @@ impl Slot {
                 let event = event(&frame);
                 Some((self.within_budget(event, is_owner), consumed))
             }
-            Feed::Broken(error) => {
-                self.closing = true;
-                self.notice = match error {
-                    FrameError::Version { .. } => Some(Notice::VERSION),
-                    FrameError::Suite { .. } => Some(Notice::SUITE),
-                    _ => None,
-                };
-                // A flood has already ended the session.
-                let event = (!self.over_budget).then_some(Event::Broken(error));
-                Some((event, bytes.len()))
-            }
+            Feed::Broken(error) => Some((self.break_off(error), bytes.len())),
         }
+    }
+
+    /// Closes a stream without a frame boundary. Returns its event.
+    fn break_off<const N: usize>(&mut self, error: FrameError) -> Option<Event<N>> {
+        self.closing = true;
+        self.answer = match error {
+            FrameError::Version { .. } => Some(Answer::Notice(Notice::VERSION)),
+            FrameError::Suite { .. } => {
+                let suite = self.deframer.suite().code();
+                Some(Answer::Notice(Notice::suite(suite)))
+            }
+            _ => None,
+        };
+        // A flood has already ended the session.
+        (!self.over_budget).then_some(Event::Broken(error))
     }
 
     /// Returns the event itself within the budget. Beyond it, the owner's first excess is a flood,

@@ -155,7 +155,7 @@ fn a_second_client_is_told_and_closed() {
 
 #[test]
 fn another_version_or_suite_is_told_ours_over_a_stream_and_closed() {
-    for (at, notice) in [(2, Notice::VERSION), (6, Notice::SUITE)] {
+    for (at, notice) in [(2, Notice::VERSION), (6, Notice::suite(0))] {
         let mut bytes = hello().to_vec();
         bytes[at] = 9;
         let mut bench = bench();

@@ -70,7 +70,7 @@ coded!(Cause {
     1 => ClientLate "no command arrived before two consecutive deadlines"
     2 => NetworkLate "two consecutive deadlines passed; commands arrived, but late"
     3 => ServerLate "the server overran its cycle"
-    4 => Malformed "broken frame boundary or checksum on the stream"
+    4 => Malformed "broken frame boundary, checksum or tag on the stream"
     5 => Closed "the connection was closed, or could not take a State"
     6 => Goodbye "the client said goodbye"
     7 => Budget "too many missed deadlines within the window"
@@ -94,6 +94,7 @@ impl Refusal {
             Self::Axes { .. } => 5,
             Self::Capability { .. } => 6,
             Self::Unavailable => 7,
+            Self::Role => 9,
         }
     }
 
@@ -107,6 +108,7 @@ impl Refusal {
             Self::Axes { .. } => "Axes",
             Self::Capability { .. } => "Capability",
             Self::Unavailable => "Unavailable",
+            Self::Role => "Role",
         }
     }
 }
@@ -136,6 +138,7 @@ impl fmt::Display for Refusal {
             Self::Unavailable => f.write_str(
                 "the server has no room for another connection, or its epochs are used up",
             ),
+            Self::Role => f.write_str("this key may only read"),
         }
     }
 }

@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::{MAX_BODY, Notice, PROTOCOL_VERSION};
 
-/// Error of a frame's header, length or checksum. A stream loses its frame boundary with it; a
+/// Error of a frame's header, length, checksum or tag. A stream loses its frame boundary with it; a
 /// datagram is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -35,6 +35,8 @@ pub enum FrameError {
     Length,
     /// The checksum does not match.
     Checksum,
+    /// The tag is not that of the frame.
+    Tag,
 }
 
 impl fmt::Display for FrameError {
@@ -51,14 +53,19 @@ impl fmt::Display for FrameError {
                     "the header states a body of {length} bytes; at most {MAX_BODY} are allowed"
                 )
             }
-            Self::Suite { received } => {
-                write!(f, "suite {received}; this side takes suite 0 (a checksum)")
+            Self::Suite { received: 0 } => {
+                f.write_str("a frame with a checksum; this side takes frames with tags")
             }
+            Self::Suite { received: 1 } => {
+                f.write_str("a frame with a tag; this side takes frames with checksums")
+            }
+            Self::Suite { received } => write!(f, "suite {received} is unknown"),
             Self::Notice(notice) => notice.fmt(f),
             Self::Length => {
                 f.write_str("the datagram's length differs from the length in its header")
             }
             Self::Checksum => f.write_str("the checksum does not match"),
+            Self::Tag => f.write_str("the tag is not that of the frame"),
         }
     }
 }

@@ -29,11 +29,12 @@ impl Notice {
         reason: 7,
         detail: 0,
     };
-    /// The server takes frames of another suite, which is the detail.
-    pub const SUITE: Self = Self {
-        reason: 8,
-        detail: 0,
-    };
+
+    /// The server takes frames of this suite only, which is the detail.
+    #[must_use]
+    pub const fn suite(detail: u8) -> Self {
+        Self { reason: 8, detail }
+    }
 }
 
 impl fmt::Display for Notice {
@@ -42,7 +43,10 @@ impl fmt::Display for Notice {
         match reason {
             4 => write!(f, "the server speaks protocol version {detail}"),
             7 => f.write_str("the server has no room for another connection"),
-            8 => write!(f, "the server takes frames of suite {detail} only"),
+            8 if detail == 0 => {
+                f.write_str("the server has no key: it takes frames with checksums only")
+            }
+            8 if detail == 1 => f.write_str("the server has keys: it takes frames with tags only"),
             _ => write!(f, "the server gives reason {reason}, detail {detail}"),
         }
     }

@@ -57,6 +57,12 @@ impl Diagnostics {
             ..Self::default()
         }
     }
+
+    /// Counts frames that came from nobody who is known.
+    pub fn count_unauthentic(&mut self, frames: u16) {
+        let count = &mut self.counters.non_owner;
+        *count = count.saturating_add(u32::from(frames));
+    }
 }
 
 /// Context of the classification: the session before the tick.

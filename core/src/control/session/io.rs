@@ -141,6 +141,8 @@ pub struct Input<const N: usize> {
     /// Time from the departure of the last State to the arrival of the last command, µs; recorded
     /// only. 0 without a measurement.
     pub arrival_us: u16,
+    /// Frames without the tag of their sender, or seen before; counted only.
+    pub unauthentic: u16,
     /// Epochs that may be granted.
     pub epochs: EpochRange,
     /// Events from the network.
@@ -162,6 +164,7 @@ impl<const N: usize> Input<N> {
             },
             last_write: LastWrite::Accepted,
             arrival_us: 0,
+            unauthentic: 0,
             epochs,
             events: Vec::new(),
         }
@@ -174,6 +177,7 @@ impl<const N: usize> Clone for Input<N> {
             tick: self.tick,
             last_write: self.last_write,
             arrival_us: self.arrival_us,
+            unauthentic: self.unauthentic,
             epochs: self.epochs,
             events: self.events.clone(),
         }
@@ -184,6 +188,7 @@ impl<const N: usize> Clone for Input<N> {
         self.tick = other.tick;
         self.last_write = other.last_write;
         self.arrival_us = other.arrival_us;
+        self.unauthentic = other.unauthentic;
         self.epochs = other.epochs;
         self.events.clear();
         // There is room: both have the same capacity.

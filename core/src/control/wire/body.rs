@@ -1,6 +1,8 @@
-//! Bodies of frames: one per message, one encoding per body. No checksum here.
+//! Bodies of frames: one per message, one encoding per body. No trailer here.
 
 mod client;
+#[cfg(feature = "keyed")]
+mod keyed;
 mod server;
 
 use super::cursor::{Reader, Short, Writer};
@@ -9,6 +11,8 @@ use crate::control::message::ContentError;
 use crate::units::{Epoch, OffsetNm, TorquePermille, VelocityUmS};
 
 pub use client::{decode_client, encode_client};
+#[cfg(feature = "keyed")]
+pub(crate) use keyed::{claims_of_command, session_of_welcome};
 pub use server::{decode_server, encode_server, encode_state};
 
 /// A part of a message that fills the body of a frame.

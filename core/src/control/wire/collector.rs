@@ -1,7 +1,7 @@
 //! Bytes of one frame, collected from slices of any size: first a header, then the length that it
-//! states. No checksum here.
+//! states. No trailer is checked here.
 
-use super::frame::{HEADER_LEN, MAX_FRAME, TRAILER_LEN, parse_header};
+use super::frame::{HEADER_LEN, MAX_FRAME, Suite, parse_header};
 use crate::control::message::FrameError;
 
 /// Collects the bytes of one frame.
@@ -11,6 +11,7 @@ pub struct Collector {
     bytes: [u8; MAX_FRAME],
     /// Number of bytes in use.
     held: usize,
+    suite: Suite,
 }
 
 /// Writes the bytes in use.
@@ -22,20 +23,33 @@ impl defmt::Format for Collector {
 }
 
 impl Collector {
-    /// An empty collector.
+    /// An empty collector of frames with checksums.
     #[must_use]
     pub const fn new() -> Self {
+        Self::of(Suite::Checksum)
+    }
+
+    /// An empty collector of frames of a suite.
+    #[must_use]
+    pub const fn of(suite: Suite) -> Self {
         Self {
             bytes: [0; MAX_FRAME],
             held: 0,
+            suite,
         }
     }
 
     /// Builds a collector with the first `held` of these bytes, if they satisfy the invariant.
     #[must_use]
-    pub fn from_parts(bytes: [u8; MAX_FRAME], held: usize) -> Option<Self> {
-        let collector = Self { bytes, held };
+    pub fn from_parts(bytes: [u8; MAX_FRAME], held: usize, suite: Suite) -> Option<Self> {
+        let collector = Self { bytes, held, suite };
         collector.is_valid().then_some(collector)
+    }
+
+    /// Returns the suite of the frames.
+    #[must_use]
+    pub const fn suite(&self) -> Suite {
+        self.suite
     }
 
     /// The invariant: less than a header, or a valid header and at most its frame.
@@ -83,10 +97,10 @@ impl Collector {
     fn whole_len(&self) -> Option<Result<usize, FrameError>> {
         let (header, _) = self.bytes.split_first_chunk::<HEADER_LEN>()?;
         (self.held >= HEADER_LEN).then(|| {
-            parse_header(*header).map(|(_, length)| {
+            parse_header(*header, self.suite).map(|(_, length)| {
                 HEADER_LEN
                     .saturating_add(usize::from(length))
-                    .saturating_add(TRAILER_LEN)
+                    .saturating_add(self.suite.trailer_len())
             })
         })
     }
@@ -113,7 +127,7 @@ impl Default for Collector {
 /// Compares the bytes in use only.
 impl PartialEq for Collector {
     fn eq(&self, other: &Self) -> bool {
-        self.held() == other.held()
+        self.held() == other.held() && self.suite == other.suite
     }
 }
 

@@ -28,7 +28,7 @@ impl<'a> Reader<'a> {
 
     /// Reads the next `K` bytes.
     #[inline]
-    fn read_exact<const K: usize>(&mut self) -> Result<[u8; K], Short> {
+    pub(super) fn read_exact<const K: usize>(&mut self) -> Result<[u8; K], Short> {
         let (field, rest) = self.rest.split_first_chunk::<K>().ok_or(Short)?;
         self.rest = rest;
         Ok(*field)
@@ -46,7 +46,7 @@ impl<'a> Writer<'a> {
     }
 
     #[inline]
-    fn bytes<const K: usize>(&mut self, field: [u8; K]) -> Result<(), Short> {
+    pub(super) fn bytes<const K: usize>(&mut self, field: [u8; K]) -> Result<(), Short> {
         let whole = core::mem::take(&mut self.rest);
         let (place, rest) = whole.split_first_chunk_mut::<K>().ok_or(Short)?;
         *place = field;

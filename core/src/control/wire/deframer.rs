@@ -2,19 +2,19 @@
 //! than one frame.
 
 use super::collector::Collector;
-use super::frame::Frame;
+use super::frame::{Frame, Sealed, Suite};
 use crate::control::message::FrameError;
 
-/// Result of [`Deframer::feed`].
+/// Result of a feed; `F` is [`Frame`] or [`Sealed`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Feed<'a> {
+pub enum Feed<F> {
     /// Every byte was taken; the frame is incomplete.
     Incomplete,
     /// A frame is complete; feed the bytes from `consumed` on again.
     Frame {
         /// The frame.
-        frame: Frame<'a>,
+        frame: F,
         /// Number of bytes taken.
         consumed: usize,
     },
@@ -46,11 +46,17 @@ pub struct Deframer {
 }
 
 impl Deframer {
-    /// An empty deframer.
+    /// An empty deframer of frames with checksums.
     #[must_use]
     pub const fn new() -> Self {
+        Self::of(Suite::Checksum)
+    }
+
+    /// An empty deframer of frames of a suite.
+    #[must_use]
+    pub const fn of(suite: Suite) -> Self {
         Self {
-            collector: Collector::new(),
+            collector: Collector::of(suite),
             stage: Stage::Collecting,
         }
     }
@@ -73,8 +79,39 @@ impl Deframer {
         }
     }
 
-    /// Takes bytes up to the end of the current frame.
-    pub fn feed(&mut self, bytes: &[u8]) -> Feed<'_> {
+    /// Returns the suite of the frames.
+    #[must_use]
+    pub const fn suite(&self) -> Suite {
+        self.collector.suite()
+    }
+
+    /// Returns the bytes of the frame that is collected, or was collected last.
+    pub(crate) fn held(&self) -> &[u8] {
+        self.collector.held()
+    }
+
+    /// Takes bytes up to the end of the current frame, which has a checksum.
+    pub fn feed(&mut self, bytes: &[u8]) -> Feed<Frame<'_>> {
+        self.feed_with(bytes, Sealed::check_sum)
+    }
+
+    /// Takes bytes up to the end of the current frame. Its trailer is not checked: [`Self::give_up`] if
+    /// it is found wrong.
+    pub fn feed_sealed(&mut self, bytes: &[u8]) -> Feed<Sealed<'_>> {
+        self.feed_with(bytes, Ok)
+    }
+
+    /// Takes the frame boundary for lost.
+    pub const fn give_up(&mut self, error: FrameError) {
+        self.stage = Stage::Broken(error);
+    }
+
+    #[inline]
+    fn feed_with<'a, F>(
+        &'a mut self,
+        bytes: &[u8],
+        open: impl FnOnce(Sealed<'a>) -> Result<F, FrameError>,
+    ) -> Feed<F> {
         match self.stage {
             Stage::Collecting => {}
             Stage::Returned => self.collector.clear(),
@@ -83,9 +120,9 @@ impl Deframer {
         self.stage = Stage::Collecting;
         let frame = match self.collector.consume(bytes) {
             Ok(None) => return Feed::Incomplete,
-            Ok(Some(consumed)) => {
-                Frame::parse(self.collector.held()).map(|frame| (frame, consumed))
-            }
+            Ok(Some(consumed)) => Sealed::parse(self.collector.held(), self.collector.suite())
+                .and_then(open)
+                .map(|frame| (frame, consumed)),
             Err(error) => Err(error),
         };
         match frame {

@@ -138,6 +138,7 @@ impl Body for Refusal {
                 needed: Capabilities(bits),
             },
             7 => Self::Unavailable,
+            9 => Self::Role,
             received => return Err(ContentError::Code { received }),
         };
         // One encoding per message: what this reason does not use must be zero.
@@ -152,7 +153,7 @@ impl Body for Refusal {
 /// Returns code, detail, bits and ticks of a refusal, in the order of the wire.
 const fn refusal_fields(refusal: Refusal) -> (u8, u8, u16, u32) {
     let (detail, bits, ticks_left) = match refusal {
-        Refusal::Busy | Refusal::Unavailable => (0, 0, 0),
+        Refusal::Busy | Refusal::Unavailable | Refusal::Role => (0, 0, 0),
         Refusal::Ramping { ticks_left } | Refusal::Faulted { ticks_left } => (0, 0, ticks_left),
         Refusal::Axes { expected } => (expected, 0, 0),
         Refusal::Capability { needed } => (0, needed.0, 0),
