@@ -10,6 +10,7 @@ mod faults;
 mod follow;
 mod header;
 mod identify;
+mod key;
 mod labcomm;
 mod machine;
 mod man;
@@ -67,6 +68,7 @@ enum Command {
     Demo(demo::Demo),
     Serve(serve::Serve),
     Client(client::Client),
+    Key(key::KeyCommand),
     Monitor(monitor::Monitor),
     Recover(recover::Recover),
     Faults(faults::Faults),
@@ -166,6 +168,7 @@ pub fn main() -> ExitCode {
         Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
         Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
+        Command::Key(key) => key.run(),
         Command::Monitor(monitor) => monitor.run(),
         Command::Recover(recover) => recover.run(),
         Command::Faults(faults) => faults.run(),

@@ -9,8 +9,10 @@ use std::time::{Duration, Instant};
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Answer, Client, Event, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::keys::{Key, KeyId};
 use gantry_tau_core::control::message::{Mode, Phase, Welcome};
 use gantry_tau_core::control::wire::FrameBytes;
+use gantry_tau_server::key_file;
 use gantry_tau_system::dial::{self, Addresses, LOOK, NEVER};
 
 use super::ClientError;
@@ -29,6 +31,9 @@ pub struct Connection<'q, const N: usize> {
     wire: Wire,
     server: Addresses,
     client: Client<N>,
+    requirements: Requirements,
+    /// Name of the key, with one.
+    key: Option<KeyId>,
     patience: Duration,
     /// Ends every wait but that for the end of a session that is left.
     quit: &'q AtomicBool,
@@ -96,6 +101,8 @@ impl<'q, const N: usize> Connection<'q, N> {
             wire,
             server,
             client,
+            requirements,
+            key: None,
             patience,
             quit,
             hello: None,
@@ -106,6 +113,25 @@ impl<'q, const N: usize> Connection<'q, N> {
         })
     }
 
+    /// Speaks to a server that has this key, and hears nothing else. Before the Hello.
+    ///
+    /// # Errors
+    /// [`ClientError::Setup`]: the system gives no random numbers.
+    pub fn with_key(self, key: Option<Key>) -> Result<Self, ClientError> {
+        let Some(key) = key else { return Ok(self) };
+        let transport = if self.is_stream() {
+            Transport::Stream
+        } else {
+            Transport::Datagram
+        };
+        let nonce = key_file::random().map_err(|error| ClientError::Setup(error.to_string()))?;
+        Ok(Self {
+            key: Some(key.id()),
+            client: Client::keyed(transport, self.requirements, key, nonce),
+            ..self
+        })
+    }
+
     /// Sends Hello and waits for the Welcome. Over UDP the Hello is repeated: a server whose
     /// Welcome was lost refuses until it has given up that session; and each address of the server
     /// has its turn.
@@ -113,6 +139,16 @@ impl<'q, const N: usize> Connection<'q, N> {
     /// # Errors
     /// [`ClientError::Refused`]; [`ClientError::Quit`]; as [`Self::next_event`].
     pub fn greet(&mut self) -> Result<Welcome<N>, ClientError> {
+        let mut is_challenged = false;
+        self.ask(&mut is_challenged).map_err(|error| match (error, self.key) {
+            (ClientError::Vanished(_), Some(id)) if !is_challenged => ClientError::Vanished(format!(
+                "no answer: wrong key? its id here is {id}; compare with `gantry-tau key show-id` at the server"
+            )),
+            (error, _) => error,
+        })
+    }
+
+    fn ask(&mut self, is_challenged: &mut bool) -> Result<Welcome<N>, ClientError> {
         let until = Instant::now() + self.patience;
         loop {
             let hello = self.client.hello();
@@ -123,6 +159,10 @@ impl<'q, const N: usize> Connection<'q, N> {
                 Ok(Heard::Event(Event::Refused(refusal))) => {
                     return Err(ClientError::Refused(refusal));
                 }
+                Ok(Heard::Event(Event::Challenged)) => {
+                    *is_challenged = true;
+                    continue;
+                }
                 Ok(Heard::Quit) => return Err(ClientError::Quit),
                 Ok(_) => sent?,
                 // A server without room refuses before it has received the Hello, and closes: the
@@ -132,7 +172,10 @@ impl<'q, const N: usize> Connection<'q, N> {
             if Instant::now() >= until {
                 return Err(ClientError::Vanished("it does not answer".to_owned()));
             }
-            self.try_the_next_address()?;
+            // A cookie is that of one address.
+            if !*is_challenged {
+                self.try_the_next_address()?;
+            }
         }
     }
 

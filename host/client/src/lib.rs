@@ -46,6 +46,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use gantry_tau_core::control::client as protocol;
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::keys::Key;
 use gantry_tau_core::control::message::{Cause, Notice, Refusal, State, Welcome};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_record::recording::{RecordTo, Recorded};
@@ -73,6 +74,8 @@ pub struct ClientOptions<K, const N: usize> {
     pub accelerometer: Option<Addresses>,
     /// The machine.
     pub robot: RobotFile<K, N>,
+    /// Key of the server; `None` for a server without keys.
+    pub key: Option<Key>,
     /// File of the recording, if any.
     pub record: Option<RecordTo>,
     /// Ask for Obtain once the sensor is tared.
@@ -245,6 +248,12 @@ impl fmt::Display for ClientError {
                 )
             }
             Self::Refused(refusal) => write!(f, "refused: {refusal}"),
+            Self::Noticed(notice) if *notice == Notice::suite(1) => {
+                f.write_str("refused: the server needs a key (--key)")
+            }
+            Self::Noticed(notice) if *notice == Notice::suite(0) => f.write_str(
+                "refused: the server has no key; without --key this client speaks to it",
+            ),
             Self::Noticed(notice) => write!(f, "refused: {notice}"),
             Self::Incompatible(reason) => write!(f, "incompatible server: {reason}"),
             Self::Ended(cause) => write!(f, "the server ended the session: {cause}"),

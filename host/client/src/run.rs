@@ -103,7 +103,8 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
     }
     let (transport, server) = (options.transport, options.server.clone());
     let mut link =
-        Connection::open_unless(&controls.quit, transport, server, PATIENCE, requirements)?;
+        Connection::open_unless(&controls.quit, transport, server, PATIENCE, requirements)?
+            .with_key(options.key.clone())?;
     let sensor = SensorConnection::connect(&options.sensor, &controls.quit)?;
     let accelerometer = match (&robot.sensor.accelerometer, &options.accelerometer) {
         (Some(_), Some(address)) => Some(

@@ -3,7 +3,7 @@
 //!
 //! | line | content |
 //! |---|---|
-//! | 1 | `{"format":"gantry-tau black box","version":6,"axes":3,"ticks":129}` |
+//! | 1 | `{"format":"gantry-tau black box","version":8,"axes":3,"ticks":129}` |
 //! | 2 | `{"config":{...},"parts":{...}}`: the `Session` before the oldest tick |
 //! | 3 on | `{"input":{...},"output":{...}}`: one `Entry` per tick, oldest first; as many as line 1 announces |
 //!

@@ -7,6 +7,7 @@
 //! | [`server`] | cycle, sockets, stop and re-arm |
 //! | [`realtime`] | timer, priority, locked memory |
 //! | [`state`] | epochs and the stop latch, which outlive a server |
+//! | [`key_file`] | files of shared keys |
 //! | [`record`] | what happened in a tick, and to sessions |
 //! | [`black_box`] | the last ticks before an end, out of the cycle |
 //! | [`publication`] | samples for programs that speak LabComm |
@@ -36,6 +37,7 @@
 )]
 
 pub mod black_box;
+pub mod key_file;
 pub mod links;
 pub mod plant;
 pub mod publication;

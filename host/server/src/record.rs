@@ -1,6 +1,7 @@
 //! Records of ticks and of sessions' events, for observers.
 
 use gantry_tau_core::control::axis::Reference;
+use gantry_tau_core::control::keys::KeyId;
 use gantry_tau_core::control::message::{AxisState, Cause, Counters, Phase, State};
 use gantry_tau_core::units::{Epoch, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS};
 
@@ -20,6 +21,8 @@ pub struct TickRecord<const N: usize> {
     pub ended: Option<Cause>,
     /// A session was granted in this tick.
     pub welcomed: bool,
+    /// Name of the key of the session; `None` without a session, or without keys.
+    pub key: Option<KeyId>,
     /// Hellos refused in this tick.
     pub refused: u8,
     /// Cycles since the last tick.
@@ -68,6 +71,7 @@ impl<const N: usize> TickRecord<N> {
             tool: None,
             ended: None,
             welcomed: false,
+            key: None,
             refused: 0,
             elapsed: 1,
             round_trip_us: None,

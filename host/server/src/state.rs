@@ -13,7 +13,7 @@ mod epoch;
 mod latch_writer;
 mod lock;
 mod place;
-mod regular_file;
+pub(crate) mod regular_file;
 mod stop_latch;
 
 use std::path::{Path, PathBuf};

@@ -14,6 +14,7 @@ use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_system::dial::Addresses;
 
+use super::key::KeyOption;
 use super::outputs::NamedInput;
 use super::recording::ClientRecording;
 use super::{Instruments, MachineCommand, Outcome, fail, peer, read_keyboard, transport};
@@ -34,6 +35,8 @@ pub(crate) struct Client {
     /// Address of the server
     #[arg(default_value = "127.0.0.1:7000", value_name = "HOST:PORT", value_parser = peer)]
     server: Addresses,
+    #[command(flatten)]
+    key: KeyOption,
     #[command(flatten)]
     instruments: Instruments,
     /// The machine: l2 or f1 (built in), or a robot file
@@ -66,6 +69,7 @@ impl MachineCommand for Client {
             sensor: self.instruments.sensor.unwrap_or_default(),
             accelerometer: Some(self.instruments.accelerometer),
             robot,
+            key: self.key.read()?,
             record: self.recording.to(),
             obtain: false,
             accept_unstable: self.accept_unstable,

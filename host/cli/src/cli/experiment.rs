@@ -22,6 +22,7 @@ use gantry_tau_machine::robot_file::{AnyRobotFile, RobotFile};
 use gantry_tau_system::dial::Addresses;
 use gantry_tau_system::output::{Kind, Output, rows};
 
+use super::key::KeyOption;
 use super::machine::client_of;
 use super::outputs::{ContinuedTable, InputFile, NamedInput, file};
 use super::{Instruments, MachineCommand, Outcome, fail, peer, read_keyboard, run_on, transport};
@@ -62,6 +63,8 @@ pub(crate) struct Experiment {
     /// Address of the server
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = peer)]
     server: Addresses,
+    #[command(flatten)]
+    key: KeyOption,
     #[command(flatten)]
     instruments: Instruments,
     /// Address of the gauges
@@ -213,6 +216,7 @@ impl Experiment {
             plan,
             server: self.server.clone(),
             transport: transport(self.udp),
+            key: self.key.read()?,
             sensor: self.instruments.sensor.clone().unwrap_or_default(),
             accelerometer: Some(self.instruments.accelerometer.clone()),
             gauges: (!self.ask_gauges).then(|| self.gauges.clone()),

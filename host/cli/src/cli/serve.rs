@@ -20,6 +20,7 @@ use gantry_tau_record::black_box::writer::BlackBoxWriter;
 use gantry_tau_record::identity;
 use gantry_tau_record::recording::{RecordTo, Recorder, Recording, drain};
 use gantry_tau_server::black_box::swap_channel;
+use gantry_tau_server::key_file;
 use gantry_tau_server::links::Allowed;
 use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
 use gantry_tau_server::links::gauges::GaugePublisher;
@@ -58,15 +59,22 @@ use super::{
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("labcomm_streams").args(["labcomm", "record"]).multiple(true)))]
 pub(crate) struct Serve {
-    /// Address for clients. Traffic is not encrypted; the default is reachable from this machine
-    /// only
+    /// Address for clients; the default is reachable from this machine only. One that others reach
+    /// needs --key. Traffic is not encrypted
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7000", value_parser = address)]
     listen: SocketAddr,
     /// UDP datagrams instead of TCP streams: a lost frame is not repeated and delays no other
     #[arg(long)]
     udp: bool,
-    /// Answer only this peer or network; others are closed silently (repeatable). Needed for an
-    /// address that is not of this machine alone
+    /// Answer only clients that have this key (repeatable, up to 4); see `gantry-tau key`
+    #[arg(long, value_name = "FILE")]
+    key: Vec<InputFile>,
+    /// Let everybody who reaches --listen move the machine: without --key, on an address that is not
+    /// of this machine alone
+    #[arg(long, conflicts_with = "key")]
+    insecure: bool,
+    /// Answer only this peer or network; others are closed silently (repeatable). Needed for
+    /// addresses of samples that are not of this machine alone
     #[arg(long, value_name = "IP|IP/BITS")]
     allow: Vec<String>,
     /// Address of the simulated accelerometer, of a machine with a section [sensor.accelerometer]
@@ -237,7 +245,16 @@ impl MachineCommand for Serve {
         let gauges = self.plan.is_some().then_some(self.gauges);
         let has_accelerometer = robot.sensor.accelerometer.is_some();
         let accelerometer = has_accelerometer.then_some(self.accelerometer);
-        let own = [Some(self.listen), accelerometer, gauges];
+        if !(self.listen.ip().is_loopback() || self.insecure) && self.key.is_empty() {
+            let listen = self.listen;
+            return Ok(fail(
+                2,
+                format_args!(
+                    "everybody who reaches {listen} could move the machine: give --key FILE (gantry-tau key new FILE), or --insecure"
+                ),
+            ));
+        }
+        let own = [accelerometer, gauges];
         for address in own
             .into_iter()
             .flatten()
@@ -525,7 +542,9 @@ impl Serve {
             transport: transport(self.udp),
             allowed: allowed.clone(),
         };
-        let clients = Listening::bind(&listen)?;
+        let files: Vec<PathBuf> = self.key.iter().map(|file| file.to_path_buf()).collect();
+        let keyring = key_file::keyring(&files)?;
+        let clients = Listening::bind(&listen)?.with_keys(keyring);
         let accelerometer = (robot.sensor.accelerometer.as_ref())
             .map(|_| AccelerometerPublisher::bind(self.accelerometer))
             .transpose()

@@ -167,6 +167,7 @@ where
         sensor: SensorSource::States,
         accelerometer: accelerometer_address.map(Into::into),
         robot: options.client.clone(),
+        key: None,
         record: options.record.clone(),
         obtain: false,
         accept_unstable: false,

@@ -331,6 +331,7 @@ fn row<const N: usize>(
         }),
         ended: None,
         welcomed: false,
+        key: None,
         refused: 0,
         elapsed: u32::try_from(elapsed).unwrap_or(u32::MAX),
         round_trip_us: None,

@@ -324,6 +324,11 @@ const ELSEWHERE: &[[&str; 3]] = &[
     ],
     [
         "docs/security.md",
+        "gantry-tau key new machine.key",
+        "two computers: with one, in `docs/cli.md`",
+    ],
+    [
+        "docs/security.md",
         "cargo build --release -p gantry-tau",
         "root and systemd: nowhere as printed; the unit in `tests/tests/tools/service`",
     ],

@@ -32,7 +32,7 @@ fn a_scripted_fault_ends_the_session_and_is_counted() {
     // The server closes at once after a broken frame; its log has the reason.
     let line = (client(&folder, "client", &through).end()).failure(7);
     assert!(line.contains("the server vanished"), "{line}");
-    server.await_words("broken frame boundary or checksum");
+    server.await_words("broken frame boundary, checksum or tag");
     server.await_words("SafeDisconnect -> Listening");
     let said = link.stop().success();
     let said: serde_json::Value = serde_json::from_str(&said).unwrap();

@@ -31,6 +31,7 @@ mod identification;
 mod installed;
 #[cfg(unix)]
 mod keyboard;
+mod keys;
 mod labcomm;
 #[cfg(unix)]
 mod masses;

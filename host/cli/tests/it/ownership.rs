@@ -309,8 +309,7 @@ fn a_machine_without_state_starts_in_fault_unless_it_cannot_hurt() {
     let any = [
         "--listen",
         "0.0.0.0:0",
-        "--allow",
-        "127.0.0.0/8",
+        "--insecure",
         "--epoch-file",
         "epoch",
     ];

@@ -132,8 +132,8 @@ fn another_file_is_refused_with_line_and_reason() {
     let edits: [(usize, [&str; 2], &str); 6] = [
         (
             1,
-            ["\"version\":7", "\"version\":6"],
-            "version is 6; this program reads version 7",
+            ["\"version\":8", "\"version\":7"],
+            "version is 7; this program reads version 8",
         ),
         (1, ["\"axes\":3", "\"axes\":5"], "axes is 5"),
         (

@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use gantry_tau_client::force_sensor::SensorSource;
 use gantry_tau_client::{ClientControls, ClientError, ClientOptions, ClientReport, run_observed};
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::keys::Key;
 use gantry_tau_core::control::message::Refusal;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
@@ -46,6 +47,8 @@ pub struct LiveOptions<K, const N: usize> {
     pub server: Addresses,
     /// TCP or UDP.
     pub transport: Transport,
+    /// Key of the server; `None` for a server without keys.
+    pub key: Option<Key>,
     /// Source of the force samples.
     pub sensor: SensorSource,
     /// Addresses of the accelerometer's link, as of a [`ClientOptions`].
@@ -110,6 +113,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         mut plan,
         server,
         transport,
+        key,
         sensor,
         accelerometer,
         gauges,
@@ -143,6 +147,7 @@ pub fn run<K: MachineKind<N>, const N: usize>(
         sensor,
         accelerometer,
         robot,
+        key,
         record: None,
         obtain,
         accept_unstable: false,

@@ -3,7 +3,7 @@
 //!
 //! | part | content |
 //! |---|---|
-//! | 0 | `GTBB`, version 7, number of axes (one byte each), number of ticks (`u32`, little-endian) |
+//! | 0 | `GTBB`, version 8, number of axes (one byte each), number of ticks (`u32`, little-endian) |
 //! | 1 | length of the rest of the part (`u32`, little-endian), the session before the oldest tick |
 //! | 2 on | length, one tick, oldest first; as many as part 0 announces |
 
@@ -16,7 +16,7 @@ use super::FileError;
 /// First bytes of a file.
 const FORMAT: &[u8] = b"GTBB";
 /// Version of the layout.
-const VERSION: u8 = 7;
+const VERSION: u8 = 8;
 
 /// True if a file begins as one in the binary form.
 pub(super) fn is_binary(bytes: &[u8]) -> bool {

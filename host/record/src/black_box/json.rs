@@ -11,7 +11,7 @@ use super::FileError;
 /// Label of the files of sessions.
 const LABEL: Label = Label {
     format: "gantry-tau black box",
-    version: 7,
+    version: 8,
     what: "a black box of gantry-tau",
 };
 /// Number of lines before the first tick.

@@ -107,7 +107,7 @@ fn an_edited_binary_file_is_refused_with_part_and_reason() {
     refused(
         &file,
         |file| file[4] = 6,
-        "a, part 0: version is 6; this program reads version 7",
+        "a, part 0: version is 7; this program reads version 8",
     );
     refused(
         &file,
@@ -202,9 +202,9 @@ fn an_edited_file_is_refused_with_line_and_reason() {
         ),
         (
             1,
+            "\"version\":8",
             "\"version\":7",
-            "\"version\":6",
-            "line 1: version is 6; this program reads version 7",
+            "line 1: version is 7; this program reads version 8",
         ),
         (
             1,

@@ -7,6 +7,7 @@ use std::io;
 use std::net::{SocketAddr, TcpStream};
 
 use gantry_tau_core::control::endpoint::{Endpoint, Transport};
+use gantry_tau_core::control::keys::Keyring;
 use gantry_tau_core::control::session::Connection;
 
 use super::ServerError;
@@ -39,7 +40,10 @@ impl From<SocketAddr> for Listen {
 
 /// Address of a server that owns it and does not answer yet.
 #[derive(Debug)]
-pub struct Listening(pub(super) Connections);
+pub struct Listening {
+    pub(super) connections: Connections,
+    pub(super) keyring: Option<Keyring>,
+}
 
 impl Listening {
     /// Owns the address.
@@ -49,7 +53,16 @@ impl Listening {
     pub fn bind(listen: &Listen) -> Result<Self, ServerError> {
         let bound =
             Connections::bind(listen).map_err(|error| ServerError::listen(listen.address, &error));
-        bound.map(Self)
+        Ok(Self {
+            connections: bound?,
+            keyring: None,
+        })
+    }
+
+    /// Answers holders of these keys only. Without keys everybody who reaches the address is answered.
+    #[must_use]
+    pub fn with_keys(self, keyring: Option<Keyring>) -> Self {
+        Self { keyring, ..self }
     }
 }
 

@@ -6,7 +6,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
 use gantry_tau_core::control::axis::InForce;
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Write};
+use gantry_tau_core::control::endpoint::{Budget, Endpoint, MotorMap, Write};
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_core::control::session::config::Config;
@@ -92,7 +92,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         mut plant: P,
         epochs: EpochRange,
         latch: StopLatch,
-        Listening(connections): Listening,
+        listening: Listening,
     ) -> Result<Self, ServerError> {
         let in_force = plant.in_force().map_err(ServerError::of_plant)?;
         // Not needed: a machine that does not answer is found before the server listens.
@@ -105,8 +105,11 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             Session::new(config, &start).map_err(|error| ServerError::Start(error.into()))?;
         Ok(Self {
             plant,
-            endpoint: Box::new(Endpoint::new(session, epochs)),
-            connections,
+            endpoint: Box::new(match listening.keyring {
+                None => Endpoint::new(session, epochs),
+                Some(keyring) => Endpoint::keyed(session, epochs, keyring, Budget::default()),
+            }),
+            connections: listening.connections,
             accelerometer: None,
             sensors: Vec::new(),
             motors,
@@ -404,6 +407,7 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
             tool: reading.and_then(|reading| reading.tool),
             ended: output.ended,
             welcomed: output.welcome.is_some(),
+            key: self.endpoint.granted_key(),
             refused: u8::try_from(output.refusals.len()).unwrap_or(u8::MAX),
             elapsed,
             round_trip_us,

@@ -145,7 +145,10 @@ impl EventLog {
         let (tick, phase) = (row.state.tick.0, row.state.phase);
         let mut events = Vec::new();
         if row.welcomed {
-            let text = format!("session granted (epoch {})", row.state.epoch.0);
+            let mut text = format!("session granted (epoch {})", row.state.epoch.0);
+            if let Some(key) = row.key {
+                text.push_str(&format!(" to key {key}"));
+            }
             events.push(Event::new(tick, EventKind::Granted, 0, text));
         }
         if row.refused > 0 {

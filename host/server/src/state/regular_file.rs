@@ -10,7 +10,7 @@ const MAX_FILE: u64 = 256;
 
 /// Access to a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Access {
+pub(crate) enum Access {
     /// Reading a file that exists.
     Read,
     /// Reading and writing; the file is created if it does not exist.
@@ -19,7 +19,7 @@ pub(super) enum Access {
 
 /// Checks that nothing, or a regular file, has this path. Nothing is opened: opening a device can
 /// have effects.
-pub(super) fn check(path: &Path) -> io::Result<()> {
+pub(crate) fn check(path: &Path) -> io::Result<()> {
     if path.file_name().is_none() {
         return Err(Error::new(
             ErrorKind::InvalidInput,
@@ -34,7 +34,7 @@ pub(super) fn check(path: &Path) -> io::Result<()> {
 }
 
 /// Opens a file.
-pub(super) fn open(path: &Path, access: Access) -> io::Result<File> {
+pub(crate) fn open(path: &Path, access: Access) -> io::Result<File> {
     check(path)?;
     let mut options = File::options();
     options.read(true);
@@ -49,7 +49,7 @@ pub(super) fn open(path: &Path, access: Access) -> io::Result<File> {
 }
 
 /// Reads a whole file, or the beginning of a longer one.
-pub(super) fn read(file: &mut File) -> io::Result<Vec<u8>> {
+pub(crate) fn read(file: &mut File) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     file.take(MAX_FILE).read_to_end(&mut bytes)?;
     Ok(bytes)

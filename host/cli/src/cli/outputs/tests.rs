@@ -10,18 +10,22 @@ use clap::{ArgAction, Command, CommandFactory};
 use super::super::Arguments;
 use super::*;
 
-/// Files of the state of a server and folders, which have policies of their own.
-const FOLDERS: [(&str, &str); 3] = [
+/// Files of the state of a server, new keys, and folders, which have policies of their own.
+const FOLDERS: [(&str, &str); 4] = [
+    ("key new", "file"),
     ("serve", "epoch_file"),
     ("serve", "black_box"),
     ("man", "folder"),
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 27] = [
+const COMMANDS: [(&str, &[&str]); 30] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
+    ("key new", &["new"]),
+    ("key show-id", &["IN"]),
+    ("key export", &["IN", "--c"]),
     ("monitor", &["--robot", "IN"]),
     ("recover", &["IN"]),
     (

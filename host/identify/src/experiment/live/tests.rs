@@ -109,6 +109,7 @@ impl TestBench {
             plan: plan.clone(),
             server: self.server.address.into(),
             transport: Transport::Stream,
+            key: None,
             sensor: SensorSource::States,
             accelerometer: None,
             gauges: Some(self.gauges.into()),

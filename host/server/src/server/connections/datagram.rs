@@ -1,12 +1,12 @@
 //! UDP: one socket for all peers, by their addresses; each datagram is one frame.
 
 use std::io;
-use std::net::{SocketAddr, UdpSocket};
+use std::net::{IpAddr, SocketAddr, UdpSocket};
 
-use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Full, Transport};
-use gantry_tau_core::control::message::{ClientMessage, Phase};
+use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Greeted};
+use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::control::session::Connection;
-use gantry_tau_core::control::wire::{Frame, Kind, MAX_FRAME, decode_client};
+use gantry_tau_core::control::wire::{Frame, Kind, MAX_FRAME, Suite};
 
 use crate::links::Allowed;
 
@@ -18,8 +18,8 @@ const READS: usize = 64;
 struct Peer {
     connection: Connection,
     address: SocketAddr,
-    /// One of its Commands was accepted, which repeats numbers of a Welcome and a State: it
-    /// receives what is sent to its address.
+    /// It has shown that it receives what is sent to its address: by the cookie in its Hello, or by
+    /// an accepted Command, which repeats numbers of a Welcome and a State.
     has_answered: bool,
     /// A frame has come from it since the last State was sent to it.
     was_heard: bool,
@@ -74,47 +74,34 @@ impl Datagrams {
                 Err(_) => continue,
             };
             let bytes = buffer.get(..count).unwrap_or_default();
-            if let Some(connection) = self.connection(endpoint, from, bytes) {
-                endpoint.feed(connection, bytes);
-            }
+            self.take(endpoint, from, bytes);
         }
         self.note_answered(endpoint);
         let owner = endpoint.session().owner();
         owner.map_or(0, |owner| endpoint.frames_of(owner))
     }
 
-    /// Returns the connection of a datagram's sender. Only a Hello makes a new peer; anything else
-    /// is not answered.
-    fn connection<const N: usize>(
-        &mut self,
-        endpoint: &mut Endpoint<N>,
-        from: SocketAddr,
-        bytes: &[u8],
-    ) -> Option<Connection> {
+    /// Takes a datagram of a peer, or of somebody who may become one.
+    fn take<const N: usize>(&mut self, endpoint: &mut Endpoint<N>, from: SocketAddr, bytes: &[u8]) {
         if let Some(peer) = self.peers.iter_mut().find(|peer| peer.address == from) {
             peer.hear(bytes);
-            return Some(peer.connection);
+            endpoint.feed(peer.connection, bytes);
+            return;
         }
-        if !self.allowed.admits(from.ip()) || !is_hello::<N>(bytes) {
-            return None;
+        if !self.allowed.admits(from.ip()) {
+            return;
         }
-        match endpoint.open(Transport::Datagram) {
-            Ok(connection) => {
-                self.peers.push(Peer {
-                    connection,
-                    address: from,
-                    has_answered: false,
-                    was_heard: true,
-                });
-                Some(connection)
-            }
-            Err(Full) => {
-                let refusal = Endpoint::<N>::full_refusal(Transport::Datagram);
-                // Best effort. The answer is at most as long as the Hello: a forged address gains
-                // nothing.
-                let _ = self.socket.send_to(&refusal, from);
-                None
-            }
+        let has_answered = endpoint.suite() == Suite::Tag;
+        match endpoint.greet(&octets(from), bytes) {
+            Greeted::Nothing => {}
+            // Best effort. The answer is at most as long as the Hello: a forged address gains nothing.
+            Greeted::Answer(frame) => drop(self.socket.send_to(frame, from)),
+            Greeted::Peer(connection) => self.peers.push(Peer {
+                connection,
+                address: from,
+                has_answered,
+                was_heard: true,
+            }),
         }
     }
 
@@ -153,9 +140,19 @@ impl Datagrams {
     }
 }
 
-/// True if a datagram asks for a session.
-fn is_hello<const N: usize>(bytes: &[u8]) -> bool {
-    let hello =
-        |frame: Frame<'_>| matches!(decode_client::<N>(&frame), Ok(ClientMessage::Hello(_)));
-    Frame::parse(bytes).is_ok_and(hello)
+/// Returns address and port as [`Endpoint::greet`] takes them.
+fn octets(peer: SocketAddr) -> [u8; 18] {
+    let address = match peer.ip() {
+        IpAddr::V4(address) => address.to_ipv6_mapped(),
+        IpAddr::V6(address) => address,
+    };
+    let mut octets = [0; 18];
+    let bytes = address
+        .octets()
+        .into_iter()
+        .chain(peer.port().to_be_bytes());
+    for (place, byte) in octets.iter_mut().zip(bytes) {
+        *place = byte;
+    }
+    octets
 }
