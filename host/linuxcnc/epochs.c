@@ -13,25 +13,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "files.h"
+
 /* Epochs reserved by one write of the file: 2^32 sessions per run, for 2^32 runs. */
 #define RESERVE (UINT64_C(1) << 32)
 
 /* The locked file; ABSENT without one. */
 #define ABSENT (-1)
 static int lock = ABSENT;
-
-/* Opens a regular file, without following a link and without waiting for the other end of a pipe. Returns it, or -1 with errno. */
-static int open_regular(const char *path, int flags)
-{
-    struct stat found;
-    const int file = open(path, flags | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0644);
-    if (file >= 0 && (fstat(file, &found) != 0 || !S_ISREG(found.st_mode))) {
-        close(file);
-        errno = EINVAL;
-        return -1;
-    }
-    return file;
-}
 
 /* Writes the path of a file beside another. Returns 0, or -1 with errno. */
 static int beside(const char *path, const char *extension, char text[PATH_MAX])
@@ -41,14 +30,6 @@ static int beside(const char *path, const char *extension, char text[PATH_MAX])
         return -1;
     }
     return 0;
-}
-
-/* Reads the beginning of a file. Returns the length of the text, or -1 with errno. */
-static ssize_t read_text(int file, char *text, size_t size)
-{
-    const ssize_t count = read(file, text, size - 1);
-    text[count < 0 ? 0 : count] = 0;
-    return count;
 }
 
 /* Locks the counter until the component is unloaded or its process ends. Returns 0, or -1 with errno: EWOULDBLOCK if another server has it. */
@@ -65,7 +46,7 @@ static int take_lock(const char *path)
     if (beside(path, "lock", name) != 0) {
         return -1;
     }
-    lock = open_regular(name, O_RDWR | O_CREAT);
+    lock = files_open_regular(name, O_RDWR | O_CREAT);
     if (lock < 0) {
         return -1;
     }
@@ -76,7 +57,7 @@ static int take_lock(const char *path)
         errno = reason;
         return -1;
     }
-    length = read_text(lock, owner, sizeof owner);
+    length = files_read_text(lock, owner, sizeof owner);
     if (length < 0) {
         return -1;
     }
@@ -101,11 +82,11 @@ void epochs_release(void)
 static ssize_t read_file(const char *path, char text[32])
 {
     ssize_t count;
-    const int file = open_regular(path, O_RDONLY);
+    const int file = files_open_regular(path, O_RDONLY);
     if (file < 0) {
         return -1;
     }
-    count = read_text(file, text, 32);
+    count = files_read_text(file, text, 32);
     close(file);
     return count;
 }

@@ -11,8 +11,10 @@
 #include "rtapi_app.h"
 #include "hal.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <math.h>
+#include <netinet/in.h>
 #include <stdio.h>
 #include <time.h>
 
@@ -20,6 +22,7 @@
 #include "configuration.h"
 #include "drives.h"
 #include "epochs.h"
+#include "keys.h"
 #include "lateness.h"
 #include "pins.h"
 #include "sockets.h"
@@ -37,6 +40,10 @@ static int port = 7000;
 RTAPI_MP_INT(port, "port for the client");
 static int udp = 0;
 RTAPI_MP_INT(udp, "1: the client uses UDP datagrams, not a TCP stream");
+static char *key = NULL;
+RTAPI_MP_STRING(key, "key file of the client (gantry-tau key new): nobody else is heard");
+static int insecure = 0;
+RTAPI_MP_INT(insecure, "1: without a key, let everybody who reaches an address other than 127.0.0.1 move the machine");
 static int lockstep = 0;
 RTAPI_MP_INT(lockstep, "1: the thread waits for the client; for tests only");
 
@@ -50,6 +57,8 @@ static int component = ABSENT;
 static struct pins *pins;
 static gt_server_config config;
 static gt_start begin;
+static gt_keys keys;
+static int has_keys;
 static GT_MEMORY(GT_SERVER_SIZE_6) memory;
 /* NULL until the first cycle: the nominal positions are known only then. */
 static gt_server *server;
@@ -131,7 +140,8 @@ static int start(long period)
     }
     drives_start();
     check_wiring();
-    code = gt_server_init(&memory, sizeof memory, &config, &begin, &server, NULL);
+    code = has_keys ? gt_server_init_keyed(&memory, sizeof memory, &config, &begin, &keys, &server, NULL)
+                    : gt_server_init(&memory, sizeof memory, &config, &begin, &server, NULL);
     if (code != GT_CODE_OK) {
         server = NULL;
         fail("cannot start", code);
@@ -341,6 +351,13 @@ static void write_function(void *unused, long period)
     tick();
 }
 
+/* True for an address that is not of this computer alone. */
+static int others_reach(const char *text)
+{
+    struct in_addr parsed;
+    return inet_pton(AF_INET, text, &parsed) == 1 && ntohl(parsed.s_addr) >> 24 != IN_LOOPBACKNET;
+}
+
 /* Everything that may fail, apart from HAL. Returns 0, or -1 with one sentence. */
 static int prepare(char *error, size_t size)
 {
@@ -350,6 +367,14 @@ static int prepare(char *error, size_t size)
     }
     if (epoch_file == NULL || *epoch_file == 0) {
         snprintf(error, size, "epoch_file is missing: give a file in storage that survives a restart");
+        return -1;
+    }
+    has_keys = key != NULL && *key != 0;
+    if (!has_keys && !insecure && others_reach(address)) {
+        snprintf(error, size, "everybody who reaches %s could move the machine: give key=FILE (gantry-tau key new FILE), or insecure=1", address);
+        return -1;
+    }
+    if (has_keys && keys_read(key, &keys, error, size) != 0) {
         return -1;
     }
     if (configure(&config, lockstep, error, size) != 0 || sockets_open(address, port, udp, error, size) != 0) {

@@ -122,19 +122,35 @@ static struct peer *find(uint64_t connection)
     return NULL;
 }
 
-/* Registers a new peer with the server. Returns it; NULL if there is no room. */
-static struct peer *enter(gt_server *server, uint32_t transport)
+/* Returns a free place; NULL if there is none. */
+static struct peer *free_place(void)
 {
     for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
-        struct peer *peer = &peers[i];
-        if (!peer->is_open && gt_server_open(server, transport, &peer->connection) == GT_CODE_OK) {
-            peer->is_open = 1;
-            peer->is_gone = 0;
-            peer->number = ++last_number;
-            return peer;
+        if (!peers[i].is_open) {
+            return &peers[i];
         }
     }
     return NULL;
+}
+
+static void seat(struct peer *peer, uint64_t connection)
+{
+    peer->connection = connection;
+    peer->is_open = 1;
+    peer->is_gone = 0;
+    peer->number = ++last_number;
+}
+
+/* Registers a new stream with the server. Returns it; NULL if there is no room. */
+static struct peer *enter(gt_server *server)
+{
+    struct peer *peer = free_place();
+    uint64_t connection;
+    if (peer == NULL || gt_server_open(server, GT_TRANSPORT_STREAM, &connection) != GT_CODE_OK) {
+        return NULL;
+    }
+    seat(peer, connection);
+    return peer;
 }
 
 static int is_usable(int stream)
@@ -184,9 +200,9 @@ static void accept_streams(gt_server *server, const uint64_t *owner)
             shut(&stream);
             continue;
         }
-        peer = enter(server, GT_TRANSPORT_STREAM);
+        peer = enter(server);
         if (peer == NULL && close_longest_idle(server, owner) == 0) {
-            peer = enter(server, GT_TRANSPORT_STREAM);
+            peer = enter(server);
         }
         if (peer != NULL) {
             peer->socket = stream;
@@ -227,13 +243,6 @@ static void receive_streams(gt_server *server, const uint64_t *owner)
     }
 }
 
-/* True if a datagram asks for a session. Nothing else makes a sender known. */
-static int is_hello(const uint8_t *bytes, size_t length)
-{
-    uint8_t hello;
-    return gt_datagram_is_hello(bytes, length, &hello) == GT_CODE_OK && hello == 1;
-}
-
 static struct peer *sender(const struct sockaddr_in *from)
 {
     for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
@@ -243,6 +252,34 @@ static struct peer *sender(const struct sockaddr_in *from)
         }
     }
     return NULL;
+}
+
+/* Address and port as gt_server_greet takes them: IPv4 as it is mapped into IPv6. */
+static void octets(const struct sockaddr_in *from, uint8_t peer[GT_PEER])
+{
+    memset(peer, 0, GT_PEER);
+    peer[10] = peer[11] = 0xff;
+    memcpy(peer + 12, &from->sin_addr.s_addr, 4);
+    memcpy(peer + 16, &from->sin_port, 2);
+}
+
+/* Takes a datagram of a peer without a connection. */
+static void greet(gt_server *server, const struct sockaddr_in *from, const uint8_t *bytes, size_t length)
+{
+    static gt_greeting greeting;
+    uint8_t address[GT_PEER];
+    struct peer *peer = free_place();
+    octets(from, address);
+    if (gt_server_greet(server, address, bytes, length, &greeting) != GT_CODE_OK) {
+        return;
+    }
+    if (greeting.what == GT_GREETED_ANSWER) {
+        (void)sendto(listener, greeting.frame.bytes, greeting.frame.length, 0, (const struct sockaddr *)from, sizeof *from);
+    } else if (greeting.what == GT_GREETED_PEER && peer != NULL) {
+        seat(peer, greeting.frame.connection);
+        peer->address = *from;
+        peer->socket = listener;
+    }
 }
 
 static void receive_datagrams(gt_server *server)
@@ -261,17 +298,9 @@ static void receive_datagrams(gt_server *server)
             continue; /* an error of an earlier datagram: a peer's port is closed */
         }
         peer = sender(&from);
-        if (peer == NULL && is_hello(bytes, (size_t)count)) {
-            gt_frame refusal;
-            peer = enter(server, GT_TRANSPORT_DATAGRAM);
-            if (peer != NULL) {
-                peer->address = from;
-                peer->socket = listener;
-            } else if (gt_server_refusal(GT_TRANSPORT_DATAGRAM, &refusal) == GT_CODE_OK) {
-                (void)sendto(listener, refusal.bytes, refusal.length, 0, (const struct sockaddr *)&from, sizeof from);
-            }
-        }
-        if (peer != NULL) {
+        if (peer == NULL) {
+            greet(server, &from, bytes, (size_t)count);
+        } else {
             gt_server_feed(server, peer->connection, bytes, (size_t)count, NULL);
         }
     }

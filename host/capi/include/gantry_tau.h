@@ -47,7 +47,7 @@
 
 // Version of this interface. It changes with every change to a type, a constant or the meaning of
 // a function.
-#define GT_ABI_VERSION 7
+#define GT_ABI_VERSION 8
 
 // Longest part of a black box, bytes.
 #define GT_BLACK_BOX_PART 4096
@@ -103,22 +103,50 @@
 #define GT_BLACK_BOX_TICKS 64
 
 // Bytes of a server with 3 axes and no black box, on any target.
-#define GT_SERVER_SIZE_3 8704
+#define GT_SERVER_SIZE_3 9984
 
 // Bytes of a server with 6 axes and no black box.
-#define GT_SERVER_SIZE_6 12032
+#define GT_SERVER_SIZE_6 13312
 
 // Bytes of a server with 3 axes and a black box.
-#define GT_SERVER_SIZE_3_BLACK_BOX 398848
+#define GT_SERVER_SIZE_3_BLACK_BOX 400128
 
 // Bytes of a server with 6 axes and a black box, the largest server.
-#define GT_SERVER_SIZE_6_BLACK_BOX 594176
+#define GT_SERVER_SIZE_6_BLACK_BOX 595456
 
 // Largest distance of a drive from what gt_start says is in force, nm.
 #define GT_START_WINDOW_NM 1000000
 
 // Longest frame, bytes.
-#define GT_MAX_FRAME 396
+#define GT_MAX_FRAME 408
+
+// Keys of a server at most.
+#define GT_MAX_KEYS 4
+
+// Bytes of a secret.
+#define GT_SECRET 32
+
+// Bytes of the name of a key.
+#define GT_KEY_ID 8
+
+// Bytes of an address and port: an IPv6 address, or that of IPv4 as it is mapped into IPv6, and the
+// port, big-endian.
+#define GT_PEER 18
+
+// The holder may have a session.
+#define GT_ROLE_CONTROL 1
+
+// The holder may read, and gets no session.
+#define GT_ROLE_READ 2
+
+// The datagram is not answered.
+#define GT_GREETED_NOTHING 1
+
+// The frame is to be sent to the peer, of which nothing is remembered.
+#define GT_GREETED_ANSWER 2
+
+// The peer has a place: frame.connection is its connection, and there is nothing to be sent.
+#define GT_GREETED_PEER 3
 
 // The reference was clamped to the machine's travel.
 #define GT_FLAG_TRAVEL 1
@@ -308,6 +336,15 @@ enum gt_code
   GT_CODE_CROSSING_NOT_FINITE = 1100,
   // A length to convert is out of range. `upper`: largest magnitude, nm.
   GT_CODE_CROSSING_OUT_OF_RANGE = 1101,
+  // The text is none of a key. `value`: number of the first wrong line.
+  GT_CODE_KEY_TEXT = 1200,
+  // The number of keys is not 1 to GT_MAX_KEYS. `value`: the refused number.
+  GT_CODE_KEY_COUNT = 1201,
+  // The role of a key is not one of its values; 0 is refused. `index`: its number, `value`: the
+  // role.
+  GT_CODE_KEY_ROLE = 1202,
+  // A key is given twice. `index`: the second one.
+  GT_CODE_KEY_TWICE = 1203,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -404,7 +441,7 @@ enum gt_cause
   GT_CAUSE_NETWORK_LATE = 2,
   // The server overran its own cycle.
   GT_CAUSE_SERVER_LATE = 3,
-  // A broken frame boundary or checksum on the owner's stream.
+  // A broken frame boundary, checksum or tag on the owner's stream.
   GT_CAUSE_MALFORMED = 4,
   // The owner's connection was closed, or could not take a State.
   GT_CAUSE_CLOSED = 5,
@@ -741,6 +778,29 @@ typedef struct gt_start {
   uint8_t stop_latched;
 } gt_start;
 
+// A shared secret.
+typedef struct gt_key {
+  // 32 random bytes.
+  uint8_t secret[GT_SECRET];
+  // GT_ROLE_CONTROL or GT_ROLE_READ.
+  uint8_t role;
+} gt_key;
+
+// Keys of a server.
+typedef struct gt_keys {
+  // Number of the keys, 1 to GT_MAX_KEYS.
+  uint32_t count;
+  // The keys; those from `count` on are not read.
+  struct gt_key keys[GT_MAX_KEYS];
+  // Random bytes of this start; on a target without random numbers a constant, if its epochs never
+  // repeat.
+  uint8_t start_secret[GT_SECRET];
+  // Tags that are computed per tick of datagrams from the owner's address; 0: 16.
+  uint8_t tags;
+  // Hellos that are judged per tick; 0: 4.
+  uint8_t greetings;
+} gt_keys;
+
 // A frame to be sent on a connection.
 typedef struct gt_frame {
   // Recipient.
@@ -750,6 +810,14 @@ typedef struct gt_frame {
   // The bytes; 0 from `length` on.
   uint8_t bytes[GT_MAX_FRAME];
 } gt_frame;
+
+// Result of gt_server_greet.
+typedef struct gt_greeting {
+  // GT_GREETED_NOTHING, GT_GREETED_ANSWER or GT_GREETED_PEER.
+  uint32_t what;
+  // The answer, or the number of the connection.
+  struct gt_frame frame;
+} gt_greeting;
 
 // Sample of the force sensor. The server decides nothing by it: its State carries it to the client.
 typedef struct gt_wrench_sample {
@@ -1239,6 +1307,33 @@ gt_code gt_server_init(void *memory,
                        struct gt_server **server,
                        struct gt_error *error);
 
+// As gt_server_init, for a server that holders of these keys only are heard by: every frame has a
+// tag. Over datagrams a peer without a connection is heard by gt_server_greet.
+//
+// Errors: as gt_server_init; GT_CODE_KEY_COUNT, GT_CODE_KEY_ROLE, GT_CODE_KEY_TWICE.
+gt_code gt_server_init_keyed(void *memory,
+                             size_t size,
+                             const struct gt_server_config *config,
+                             const struct gt_start *start,
+                             const struct gt_keys *keys,
+                             struct gt_server **server,
+                             struct gt_error *error);
+
+// Takes a datagram of a peer without a connection. Only a Hello gets it one; of a server with keys
+// only a Hello with a right tag, from a peer that has shown that it hears. Datagrams of a peer with
+// a connection go to gt_server_feed.
+//
+// `peer`: GT_PEER bytes of its address and port; `greeting` receives what to do.
+gt_code gt_server_greet(struct gt_server *server,
+                        const uint8_t *peer,
+                        const uint8_t *datagram,
+                        size_t length,
+                        struct gt_greeting *greeting);
+
+// `id` receives the GT_KEY_ID bytes of the name of the session's key, for the log. GT_CODE_DONE:
+// there is no session, or there are no keys.
+gt_code gt_server_granted_key(struct gt_server *server, uint8_t *id);
+
 // Registers a connection that the caller has accepted. `transport`: GT_TRANSPORT_STREAM or
 // GT_TRANSPORT_DATAGRAM. `connection` receives its number, which is never given twice.
 //
@@ -1365,10 +1460,16 @@ gt_code gt_server_black_box_part(struct gt_server *server,
 // granted.
 gt_code gt_server_black_box_release(struct gt_server *server);
 
-// `hello` receives 1 if a datagram asks for a session, else 0. Only such a datagram makes its
-// sender a connection (gt_server_open): anything else from an address without one is dropped, and
-// not answered.
-gt_code gt_datagram_is_hello(const uint8_t *datagram, size_t length, uint8_t *hello);
+// Reads the text of a key file, which `gantry-tau key new` makes. Whoever can read the file can move
+// the machine: check its permissions before.
+//
+// Errors: GT_CODE_KEY_TEXT.
+gt_code gt_key_parse(const uint8_t *text, size_t length, struct gt_key *key, struct gt_error *error);
+
+// `id` receives the GT_KEY_ID bytes of the name of a key, which says nothing of its secret.
+//
+// Errors: GT_CODE_KEY_ROLE.
+gt_code gt_key_id(const struct gt_key *key, uint8_t *id);
 
 // Rounds a raw sample of a force sensor (sensor axes, about its origin) to the nearest mN and uN m.
 // A component beyond 2^31 - 1 of them is cut, and `status` says so; with a NaN there is no sample.

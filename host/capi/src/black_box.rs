@@ -1,7 +1,7 @@
 //! The black box as a file of parts, one at a time into the caller's buffer: a head, the session
 //! before the oldest tick, the ticks.
 //!
-//! Head: `GTBB`, version 7, number of axes, number of ticks (`u32`, little-endian). Every other
+//! Head: `GTBB`, version 8, number of axes, number of ticks (`u32`, little-endian). Every other
 //! part: its length (`u32`, little-endian), then core's types as `postcard` writes them.
 //! `gantry-tau replay` reads the file.
 
@@ -18,7 +18,7 @@ use crate::padding::padded;
 pub const GT_BLACK_BOX_PART: usize = 4_096;
 
 /// Version of the file; version 1 was lines of JSON.
-const VERSION: u8 = 7;
+const VERSION: u8 = 8;
 /// Parts before the first tick: the head, and the session before the oldest tick.
 const HEAD: usize = 2;
 /// Bytes of the length before a part.
@@ -189,6 +189,7 @@ mod tests {
             }; 6],
         };
         input.arrival_us = u16::MAX;
+        input.unauthentic = u16::MAX;
         let (sequence, echo) = (Sequence(u64::MAX), Tick(u64::MAX));
         let command = Command {
             epoch: most,

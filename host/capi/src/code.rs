@@ -153,12 +153,22 @@ pub enum gt_code {
     CrossingNotFinite = 1100,
     /// A length to convert is out of range. `upper`: largest magnitude, nm.
     CrossingOutOfRange = 1101,
+
+    /// The text is none of a key. `value`: number of the first wrong line.
+    KeyText = 1200,
+    /// The number of keys is not 1 to GT_MAX_KEYS. `value`: the refused number.
+    KeyCount = 1201,
+    /// The role of a key is not one of its values; 0 is refused. `index`: its number, `value`: the
+    /// role.
+    KeyRole = 1202,
+    /// A key is given twice. `index`: the second one.
+    KeyTwice = 1203,
 }
 
 without_padding!(gt_code);
 
 /// Codes and their names.
-const NAMES: [(gt_code, &CStr); 57] = {
+const NAMES: [(gt_code, &CStr); 61] = {
     use gt_code as Code;
     [
         (Code::Ok, c"GT_CODE_OK"),
@@ -254,6 +264,10 @@ const NAMES: [(gt_code, &CStr); 57] = {
         ),
         (Code::CrossingNotFinite, c"GT_CODE_CROSSING_NOT_FINITE"),
         (Code::CrossingOutOfRange, c"GT_CODE_CROSSING_OUT_OF_RANGE"),
+        (Code::KeyText, c"GT_CODE_KEY_TEXT"),
+        (Code::KeyCount, c"GT_CODE_KEY_COUNT"),
+        (Code::KeyRole, c"GT_CODE_KEY_ROLE"),
+        (Code::KeyTwice, c"GT_CODE_KEY_TWICE"),
     ]
 };
 

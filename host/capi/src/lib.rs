@@ -64,7 +64,7 @@ pub mod verification;
 
 /// Version of this interface. It changes with every change to a type, a constant or the meaning of
 /// a function.
-pub const GT_ABI_VERSION: u32 = 7;
+pub const GT_ABI_VERSION: u32 = 8;
 
 /// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other
 /// call.

@@ -2,6 +2,7 @@
 
 mod config;
 mod frame;
+mod keys;
 mod running;
 mod tick;
 
@@ -13,7 +14,12 @@ use gantry_tau_core::control::session::Connection;
 use gantry_tau_core::units::{Epoch, EpochRange};
 
 pub use config::{gt_axis_config, gt_in_force, gt_limits, gt_offsets, gt_server_config, gt_start};
-pub use frame::{GT_MAX_FRAME, gt_datagram_is_hello, gt_frame};
+pub use frame::{GT_MAX_FRAME, gt_frame};
+pub use keys::{
+    GT_GREETED_ANSWER, GT_GREETED_NOTHING, GT_GREETED_PEER, GT_KEY_ID, GT_MAX_KEYS, GT_PEER,
+    GT_ROLE_CONTROL, GT_ROLE_READ, GT_SECRET, gt_greeting, gt_key, gt_key_id, gt_key_parse,
+    gt_keys,
+};
 pub use tick::{
     GT_FLAG_NOMINAL_ACCEL, GT_FLAG_NOMINAL_STEP, GT_FLAG_POSITION_LIMITED, GT_FLAG_TORQUE_LIMITED,
     GT_FLAG_TRAVEL, GT_FLAG_VELOCITY_LIMITED, GT_PRESSED, GT_READING_DONE, GT_READING_FAILED,
@@ -23,6 +29,7 @@ pub use tick::{
     gt_wrench_sample_of,
 };
 
+use keys::granted_key;
 use running::{HALF, NONE, Running};
 
 #[cfg(feature = "verification")]
@@ -54,13 +61,13 @@ pub const GT_BLACK_BOX_NONE: u32 = 0;
 pub const GT_BLACK_BOX_TICKS: u32 = 64;
 
 /// Bytes of a server with 3 axes and no black box, on any target.
-pub const GT_SERVER_SIZE_3: usize = 8_704;
+pub const GT_SERVER_SIZE_3: usize = 9_984;
 /// Bytes of a server with 6 axes and no black box.
-pub const GT_SERVER_SIZE_6: usize = 12_032;
+pub const GT_SERVER_SIZE_6: usize = 13_312;
 /// Bytes of a server with 3 axes and a black box.
-pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 398_848;
+pub const GT_SERVER_SIZE_3_BLACK_BOX: usize = 400_128;
 /// Bytes of a server with 6 axes and a black box, the largest server.
-pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 594_176;
+pub const GT_SERVER_SIZE_6_BLACK_BOX: usize = 595_456;
 
 /// Largest distance of a drive from what gt_start says is in force, nm.
 pub const GT_START_WINDOW_NM: u64 = 1_000_000;
@@ -167,8 +174,70 @@ pub unsafe extern "C" fn gt_server_init(
         answer(server, error, || {
             let (config, start) = (read(config)?, read(start)?);
             of_type!(config, check(&config));
-            Ok(of_type!(config, begin(memory, size, &config, &start)))
+            Ok(of_type!(config, begin(memory, size, &config, &start, None)))
         })
+    }
+}
+
+/// As gt_server_init, for a server that holders of these keys only are heard by: every frame has a
+/// tag. Over datagrams a peer without a connection is heard by gt_server_greet.
+///
+/// Errors: as gt_server_init; GT_CODE_KEY_COUNT, GT_CODE_KEY_ROLE, GT_CODE_KEY_TWICE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_init_keyed(
+    memory: *mut c_void,
+    size: usize,
+    config: *const gt_server_config,
+    start: *const gt_start,
+    keys: *const gt_keys,
+    server: *mut *mut gt_server,
+    error: *mut gt_error,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers.
+    unsafe {
+        answer(server, error, || {
+            let (config, start, keys) = (read(config)?, read(start)?, read(keys)?);
+            of_type!(config, check(&config));
+            let keys = Some(keys.checked()?);
+            Ok(of_type!(config, begin(memory, size, &config, &start, keys)))
+        })
+    }
+}
+
+/// Takes a datagram of a peer without a connection. Only a Hello gets it one; of a server with keys
+/// only a Hello with a right tag, from a peer that has shown that it hears. Datagrams of a peer with
+/// a connection go to gt_server_feed.
+///
+/// `peer`: GT_PEER bytes of its address and port; `greeting` receives what to do.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_greet(
+    server: *mut gt_server,
+    peer: *const u8,
+    datagram: *const u8,
+    length: usize,
+    greeting: *mut gt_greeting,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(greeting, null_mut(), || {
+            let peer = read(peer.cast::<[u8; GT_PEER]>())?;
+            let datagram = bytes(datagram, length)?;
+            Ok(ask!(server, server => gt_greeting::new(server.endpoint.greet(&peer, datagram))))
+        })
+    }
+}
+
+/// `id` receives the GT_KEY_ID bytes of the name of the session's key, for the log. GT_CODE_DONE:
+/// there is no session, or there are no keys.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_granted_key(server: *mut gt_server, id: *mut u8) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(
+            id.cast::<[u8; GT_KEY_ID]>(),
+            null_mut(),
+            || ask!(server, server => granted_key(&server.endpoint)),
+        )
     }
 }
 

@@ -99,27 +99,86 @@ static void configurations(void)
     EXPECT(OK, gt_server_config_check(&config, NULL, &error));
 }
 
-/* One datagram is a Hello of six axes; none that differs from it in one bit is, and no part of it, and nothing longer. */
-static void recognise_hello(void)
+/* One datagram is a Hello; none that differs from it in one bit gets a place, and no part of it, and nothing longer. */
+static void greet(void)
 {
     uint8_t hello[17] = {'G', 'T', 2, 1, 4, 0, 0, 0, 6, 0, 0, 0, 0xee, 0xa3, 0xe6, 0x45, 0};
-    uint8_t flag = 2;
-    EXPECT(OK, gt_datagram_is_hello(hello, 16, &flag));
-    REFUSE(flag != 1)
+    const uint8_t peer[GT_PEER] = {0};
+    const gt_server_config config = good(6);
+    const gt_start start = {0};
+    gt_greeting greeting;
+    gt_server *server;
+    EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, NULL));
     for (size_t length = 0; length <= sizeof hello; length++) {
-        EXPECT(OK, gt_datagram_is_hello(hello, length, &flag));
-        REFUSE(flag != (length == 16))
+        if (length != 16) {
+            EXPECT(OK, gt_server_greet(server, peer, hello, length, &greeting));
+            REFUSE(greeting.what != GT_GREETED_NOTHING)
+        }
     }
     for (size_t bit = 0; bit < 8 * 16; bit++) {
         hello[bit / 8] ^= (uint8_t)(1u << bit % 8);
-        EXPECT(OK, gt_datagram_is_hello(hello, 16, &flag));
-        REFUSE(flag != 0)
+        EXPECT(OK, gt_server_greet(server, peer, hello, 16, &greeting));
+        REFUSE(greeting.what != GT_GREETED_NOTHING)
         hello[bit / 8] ^= (uint8_t)(1u << bit % 8);
     }
-    EXPECT(OK, gt_datagram_is_hello(NULL, 0, &flag));
-    EXPECT(NULL_POINTER, gt_datagram_is_hello(NULL, 16, &flag));
-    EXPECT(NULL_POINTER, gt_datagram_is_hello(hello, 16, NULL));
-    EXPECT(LENGTH, gt_datagram_is_hello(hello, SIZE_MAX, &flag));
+    for (uint64_t place = 0; place < GT_MAX_CONNECTIONS; place++) {
+        EXPECT(OK, gt_server_greet(server, peer, hello, 16, &greeting));
+        REFUSE(greeting.what != GT_GREETED_PEER || greeting.frame.connection != place || greeting.frame.length != 0)
+    }
+    EXPECT(OK, gt_server_greet(server, peer, hello, 16, &greeting));
+    REFUSE(greeting.what != GT_GREETED_ANSWER || greeting.frame.length != 20)
+    EXPECT(OK, gt_server_greet(server, peer, NULL, 0, &greeting));
+    EXPECT(NULL_POINTER, gt_server_greet(server, peer, NULL, 16, &greeting));
+    EXPECT(NULL_POINTER, gt_server_greet(server, NULL, hello, 16, &greeting));
+    EXPECT(NULL_POINTER, gt_server_greet(server, peer, hello, 16, NULL));
+    EXPECT(NULL_POINTER, gt_server_greet(NULL, peer, hello, 16, &greeting));
+    EXPECT(LENGTH, gt_server_greet(server, peer, hello, SIZE_MAX, &greeting));
+    {
+        uint8_t id[GT_KEY_ID];
+        EXPECT(DONE, gt_server_granted_key(server, id));
+    }
+}
+
+/* The key of wire.md, and texts that are none. */
+static void keys(void)
+{
+    static const char text[] = "gantry-tau-key 1\nrole control\nsecret 000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n";
+    static const uint8_t expected[GT_KEY_ID] = {0x91, 0xab, 0x2d, 0xba, 0x98, 0x40, 0xf1, 0x09};
+    const size_t length = sizeof text - 1;
+    const gt_server_config config = good(3);
+    const gt_start start = {0};
+    const uint8_t peer[GT_PEER] = {0};
+    uint8_t id[GT_KEY_ID];
+    gt_error error;
+    gt_keys keys = {.count = 1};
+    gt_greeting greeting;
+    gt_server *server;
+    gt_key *key = &keys.keys[0];
+    EXPECT(OK, gt_key_parse((const uint8_t *)text, length, key, &error));
+    EXPECT(OK, gt_key_id(key, id));
+    REFUSE(memcmp(id, expected, sizeof id) != 0 || key->role != GT_ROLE_CONTROL || key->secret[31] != 0x1f)
+    EXPECT(KEY_TEXT, gt_key_parse((const uint8_t *)text, length - 2, key, &error));
+    REFUSE(error.value != 3.0)
+    EXPECT(KEY_TEXT, gt_key_parse(NULL, 0, key, &error));
+    REFUSE(error.value != 1.0)
+    EXPECT(NULL_POINTER, gt_key_parse((const uint8_t *)text, length, NULL, &error));
+    EXPECT(NULL_POINTER, gt_key_id(NULL, id));
+    EXPECT(OK, gt_server_init_keyed(&memory, sizeof memory, &config, &start, &keys, &server, &error));
+    /* A Hello without a tag is not answered, nor is one with any bytes for it. */
+    EXPECT(OK, gt_server_greet(server, peer, (const uint8_t *)"GT\2\1\4\0\0\0\3\0\0\0\356\243\346\105", 16, &greeting));
+    REFUSE(greeting.what != GT_GREETED_NOTHING)
+    keys.keys[1] = keys.keys[0];
+    keys.count = 2;
+    EXPECT(KEY_TWICE, gt_server_init_keyed(&memory, sizeof memory, &config, &start, &keys, &server, &error));
+    REFUSE(error.index != 1)
+    keys.keys[1].role = 0;
+    EXPECT(KEY_ROLE, gt_server_init_keyed(&memory, sizeof memory, &config, &start, &keys, &server, &error));
+    EXPECT(KEY_ROLE, gt_key_id(&keys.keys[1], id));
+    for (uint32_t count = 0; count <= GT_MAX_KEYS + 1; count += GT_MAX_KEYS + 1) {
+        keys.count = count;
+        EXPECT(KEY_COUNT, gt_server_init_keyed(&memory, sizeof memory, &config, &start, &keys, &server, &error));
+    }
+    EXPECT(NULL_POINTER, gt_server_init_keyed(&memory, sizeof memory, &config, &start, NULL, &server, &error));
 }
 
 static void samples(void)
@@ -203,7 +262,6 @@ static void servers(void)
     REFUSE(frame.length != 20 || memcmp(frame.bytes, "GT\2\7\10\0\0\0\7", 9) != 0)
     EXPECT(TRANSPORT, gt_server_refusal(2, &frame));
     EXPECT(NULL_POINTER, gt_server_refusal(GT_TRANSPORT_STREAM, NULL));
-    recognise_hello();
     EXPECT(OK, gt_server_close(server, first));
     EXPECT(OK, gt_server_close(server, 12345));
     EXPECT(NULL_POINTER, gt_server_close(NULL, first));
@@ -616,6 +674,8 @@ static void tracker(void)
 int main(void)
 {
     configurations();
+    greet();
+    keys();
     samples();
     servers();
     machines();

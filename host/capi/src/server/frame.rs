@@ -1,18 +1,12 @@
-//! Frames for C: copied, and a Hello recognised.
+//! Frames for C.
 
-use core::ptr::null_mut;
-
-use gantry_tau_core::control::message::ClientMessage;
 use gantry_tau_core::control::session::Connection;
-use gantry_tau_core::control::wire::{Frame, MAX_FRAME, decode_client};
+use gantry_tau_core::control::wire::MAX_FRAME;
 
-use super::GT_MAX_AXES;
-use crate::code::gt_code;
-use crate::memory::{answer, bytes};
 use crate::padding::padded;
 
 /// Longest frame, bytes.
-pub const GT_MAX_FRAME: usize = 396;
+pub const GT_MAX_FRAME: usize = 408;
 const _: () = assert!(GT_MAX_FRAME == MAX_FRAME, "a frame fits");
 
 /// A frame to be sent on a connection.
@@ -43,31 +37,4 @@ impl gt_frame {
             bytes,
         }
     }
-}
-
-/// `hello` receives 1 if a datagram asks for a session, else 0. Only such a datagram makes its
-/// sender a connection (gt_server_open): anything else from an address without one is dropped, and
-/// not answered.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn gt_datagram_is_hello(
-    datagram: *const u8,
-    length: usize,
-    hello: *mut u8,
-) -> gt_code {
-    // SAFETY: the header's rules for pointers; null is allowed for the error.
-    unsafe {
-        answer(hello, null_mut(), || {
-            bytes(datagram, length).map(|datagram| is_hello(datagram).into())
-        })
-    }
-}
-
-fn is_hello(datagram: &[u8]) -> bool {
-    // A Hello is the same for any number of axes.
-    Frame::parse(datagram).is_ok_and(|frame| {
-        matches!(
-            decode_client::<GT_MAX_AXES>(&frame),
-            Ok(ClientMessage::Hello(_))
-        )
-    })
 }

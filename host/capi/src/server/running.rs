@@ -2,7 +2,8 @@
 
 use core::ffi::c_void;
 
-use gantry_tau_core::control::endpoint::{Endpoint, MotorMap, Write};
+use gantry_tau_core::control::endpoint::{Budget, Endpoint, MotorMap, Write};
+use gantry_tau_core::control::keys::Keyring;
 use gantry_tau_core::control::session::{BlackBox, Reading};
 use gantry_tau_core::units::PositionNm;
 
@@ -72,6 +73,7 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         size: usize,
         config: &gt_server_config,
         start: &gt_start,
+        keys: Option<(Keyring, Budget)>,
     ) -> Reply<*mut gt_server> {
         let checked = || {
             let (checked, motors) = config.checked()?;
@@ -80,7 +82,12 @@ impl<const N: usize, const TICKS: usize> Running<N, TICKS> {
         let write = |(session, motors), place: *mut Self| {
             // SAFETY: the place is one for a server; these are all fields.
             unsafe {
-                (&raw mut (*place).endpoint).write(Endpoint::new(session, start.epochs()));
+                (&raw mut (*place).endpoint).write(match keys {
+                    None => Endpoint::new(session, start.epochs()),
+                    Some((keyring, budget)) => {
+                        Endpoint::keyed(session, start.epochs(), keyring, budget)
+                    }
+                });
                 (&raw mut (*place).motor_map).write(motors);
                 (&raw mut (*place).black_box).write(BlackBox::new());
                 (&raw mut (*place).motors).write(usize::try_from(config.motors).unwrap_or(0));

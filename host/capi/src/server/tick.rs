@@ -199,7 +199,7 @@ pub enum gt_cause {
     NetworkLate = 2,
     /// The server overran its own cycle.
     ServerLate = 3,
-    /// A broken frame boundary or checksum on the owner's stream.
+    /// A broken frame boundary, checksum or tag on the owner's stream.
     Malformed = 4,
     /// The owner's connection was closed, or could not take a State.
     Closed = 5,
