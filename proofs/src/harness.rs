@@ -123,6 +123,8 @@ mod endpoint;
 mod fsm;
 #[cfg(any(not(feature = "only"), feature = "ingress"))]
 mod ingress;
+#[cfg(feature = "keys")]
+mod keys;
 #[cfg(any(not(feature = "only"), feature = "kinematics"))]
 mod kinematics;
 #[cfg(feature = "labcomm")]
@@ -157,6 +159,7 @@ pub const HARNESSES: &[&[Harness]] = &[
     endpoint::HARNESSES,
     fsm::HARNESSES,
     ingress::HARNESSES,
+    keys::HARNESSES,
     kinematics::HARNESSES,
     labcomm::HARNESSES,
     labcomm_decoder::HARNESSES,

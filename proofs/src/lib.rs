@@ -9,10 +9,11 @@
 //! cargo kani --lib --no-default-features -Z stubbing --harness channel_ramp_is_exact
 //! ```
 //!
-//! (and `--features capi` for one of the C interface, `--features labcomm` for one of LabComm,
-//! `--features position_loop` for one of the position loop).
+//! (and `--features capi` for one of the C interface, `--features keys` for one of the keys,
+//! `--features labcomm` for one of LabComm, `--features position_loop` for one of the position
+//! loop).
 //!
-//! The theorems, T1 to T26, are listed in this folder's RESULTS.md and explained in its
+//! The theorems, T1 to T31 and T33, are listed in this folder's RESULTS.md and explained in its
 //! theorems.md.
 #![forbid(unsafe_code)]
 #![allow(

@@ -13,6 +13,8 @@ pub mod drive;
 pub mod endpoint;
 pub mod fsm;
 pub mod ingress;
+#[cfg(feature = "keys")]
+pub mod keys;
 pub mod kinematics;
 #[cfg(any(feature = "labcomm", feature = "labcomm_decoder"))]
 pub mod labcomm;

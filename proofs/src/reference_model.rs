@@ -275,6 +275,7 @@ impl<const N: usize> ReferenceModel<N> {
                 add(&mut self.counters.non_owner, 1);
             }
         }
+        add(&mut self.counters.non_owner, input.unauthentic.into());
         accepted
     }
 

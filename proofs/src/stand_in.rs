@@ -1,14 +1,20 @@
-//! Stand-ins for three functions that a solver cannot compare with themselves: an unknown function
-//! each, of which one number is chosen.
+//! Stand-ins for functions that a solver cannot compare with themselves: an unknown function each, of
+//! which some numbers are chosen.
 //!
 //! They return a bit or a byte of their arguments, no matter which, so that two calls agree only if
 //! both see the same arguments.
+
+#[cfg(feature = "keys")]
+mod keys;
 
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 use gantry_tau_core::control::session::config::{AxisConfig, NominalAccel};
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_core::verification::control::Axis;
+
+#[cfg(feature = "keys")]
+pub use keys::{Places, choose_tag, mac, new_key, tag};
 
 static BIT: AtomicU32 = AtomicU32::new(0);
 static KEY: AtomicU32 = AtomicU32::new(0);

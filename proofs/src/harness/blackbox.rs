@@ -54,6 +54,7 @@ fn any_input() -> Input<1> {
     let mut input = Input {
         last_write: kani::any(),
         arrival_us: kani::any(),
+        unauthentic: kani::any(),
         tick: kani::any(),
         epochs: kani::any(),
         events: Events::new(),

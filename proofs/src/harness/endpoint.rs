@@ -13,7 +13,7 @@ use crate::properties::endpoint::{self, Told};
     not(kani),
     allow(dead_code, reason = "Kani puts it in the place of the deframer")
 )]
-fn any_feed<'a>(_: &'a mut Deframer, bytes: &[u8]) -> Feed<'a> {
+fn any_feed<'a>(_: &'a mut Deframer, bytes: &[u8]) -> Feed<Frame<'a>> {
     match (kani::any::<u8>(), Frame::from_parts(kani::any(), &[])) {
         (0, Some(frame)) => {
             let consumed = kani::any();

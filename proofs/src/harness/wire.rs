@@ -73,7 +73,7 @@ fn any_length(most: usize) -> usize {
 
 /// Any valid collector: up to a whole frame of any length.
 fn any_collector() -> Collector {
-    let collector = Collector::from_parts(kani::any(), kani::any());
+    let collector = Collector::from_parts(kani::any(), kani::any(), kani::any());
     assume!(collector.is_some(), true, "some collectors are valid");
     let collector = collector.unwrap_or_default();
     kani::cover!(collector.held().len() == MAX_FRAME, "the longest frame");

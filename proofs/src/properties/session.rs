@@ -579,6 +579,7 @@ pub fn essential<const N: usize>(before: &Session<N>, input: &Input<N>) -> Input
     let classifier = ingress::classifier(&session, input.epochs.after(session.epoch()));
     let mut without = input.clone();
     without.tick.sensor = None;
+    without.unauthentic = 0;
     without.events.retain(|(from, event)| {
         if session.owner() != Some(*from) {
             return session.phase() == Phase::Listening;

@@ -6,7 +6,7 @@ use std::array::from_fn;
 use gantry_tau_core::control::message::{Command, Hello, Refusal, State, Welcome};
 use gantry_tau_core::control::wire::{
     Body, Collector, ContentError, Deframer, Feed, Frame, FrameError, HEADER_LEN, Kind, MAX_BODY,
-    Notice, PROTOCOL_VERSION, Stage, TRAILER_LEN, decode_client, decode_server, enclose,
+    Notice, PROTOCOL_VERSION, Stage, Suite, TRAILER_LEN, decode_client, decode_server, enclose,
     encode_client, encode_notice, encode_server,
 };
 use gantry_tau_core::units::Epoch;
@@ -246,6 +246,10 @@ pub fn feed_is_judged(collector: &Collector, stage: Stage, chunk: &[u8]) -> bool
             assert!(consumed == taken, "T8: consumed is what was collected");
             let body = frame.body().len();
             let whole = HEADER_LEN + body + TRAILER_LEN;
+            assert!(
+                collected.suite() == Suite::Checksum,
+                "T8: a tag is no checksum"
+            );
             assert!(whole == collected.held().len(), "T8: the whole frame");
             assert!(frame.kind_code() == collected.held()[3], "T8: its kind");
             true

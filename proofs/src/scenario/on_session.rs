@@ -94,6 +94,7 @@ impl SystemUnderTest for SessionUnderTest {
             tick: cycle.tick,
             last_write: fate(&self.session, cycle.refused.as_ref()),
             arrival_us: cycle.arrival_us,
+            unauthentic: cycle.arrival_us % 3,
             epochs: cycle.epochs,
             events: std::mem::take(&mut self.events),
         };

@@ -166,7 +166,7 @@ prop_compose! {
 }
 
 /// A dialogue in any valid state.
-fn dialogue() -> impl Strategy<Value = Dialogue<N>> {
+pub(crate) fn dialogue() -> impl Strategy<Value = Dialogue<N>> {
     let stage = prop_oneof![
         1 => any::<bool>().prop_map(|said| Stage::Greeting { said }),
         10 => granted().prop_map(Stage::Granted),

@@ -7,7 +7,7 @@ use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::message::{Capabilities, ClientMessage, Command, Hello, Mode, Phase};
 use gantry_tau_core::control::session::{Connection, Event, Input, NoRecorder, Session, Start};
-use gantry_tau_core::control::wire::encode_client;
+use gantry_tau_core::control::wire::{Suite, encode_client};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence};
 use gantry_tau_core::verification::control::{Internals, Slot};
 use gantry_tau_proofs::properties::endpoint::{
@@ -118,7 +118,7 @@ proptest! {
     fn one_connection(
         stream: bool, steps in vec((0..24_u8, vec(any::<u8>(), 0..12)), 0..60), patience in 0..4_u32,
     ) {
-        let mut slot = Slot::new(Connection(0), if stream { Transport::Stream } else { Transport::Datagram });
+        let mut slot = Slot::new(Connection(0), if stream { Transport::Stream } else { Transport::Datagram }, Suite::Checksum);
         for (kind, noise) in steps {
             let bytes = match kind {
                 0..4 => frames(&[ClientMessage::Stop(Epoch(1))]),

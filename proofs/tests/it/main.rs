@@ -11,6 +11,7 @@ mod capi;
 mod client_monitor;
 mod endpoint;
 mod floats;
+mod keys;
 mod known_solution;
 mod labcomm;
 mod position_loop;

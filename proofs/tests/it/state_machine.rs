@@ -68,7 +68,7 @@ proptest! {
     ) {
         let before = Before::new(session, found, fate, tick, Accepted::nothing());
         let events = Events::from_slice(&events).unwrap();
-        let input = Input { tick: before.tick, last_write: before.last_write, arrival_us: 0, epochs, events };
+        let input = Input { tick: before.tick, last_write: before.last_write, arrival_us: 0, unauthentic: 0, epochs, events };
         let accepted = StepInput::after_events(&session, &input).accepted;
         drive::nothing_jumps(&Before { accepted, ..before });
     }
@@ -90,7 +90,7 @@ proptest! {
         order in any::order(), (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
     ) {
         let events = Events::from_slice(&events).unwrap();
-        let input = StepInput::after_events(&session, &Input { tick, last_write, arrival_us: 0, epochs, events });
+        let input = StepInput::after_events(&session, &Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events });
         session::step_is_right(&input);
         session::axes_act_by_themselves(&input, &order, &acted);
     }
@@ -102,7 +102,7 @@ proptest! {
         events in proptest::collection::vec((any::connection(), any::event()), 0..4), all_zero: bool, rests: bool,
     ) {
         let events = Events::from_slice(&events).unwrap();
-        let input = Input { tick, last_write, arrival_us: 0, epochs: EpochRange::VOLATILE, events };
+        let input = Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs: EpochRange::VOLATILE, events };
         let (fsm, rules) = session::decided_on(&StepInput::after_events(&session, &input));
         if rests {
             axis = Axis { nominal: axis.nominal, ..Axis::default() };
@@ -209,7 +209,8 @@ proptest! {
         let [place, given] = [0, 1].map(|which: usize| {
             let events = Events::from_slice(&events[which]).unwrap();
             Input::<3> {
-                tick: ticks[which], last_write: writes[which], arrival_us: arrivals[which], epochs: epochs[which], events,
+                tick: ticks[which], last_write: writes[which], arrival_us: arrivals[which], unauthentic: arrivals[which].rotate_left(8),
+                epochs: epochs[which], events,
             }
         });
         blackbox::input_is_copied(place, &given);

@@ -8,7 +8,7 @@ use gantry_tau_core::control::message::{
 };
 use gantry_tau_core::control::wire::{
     Body, Collector, FrameError, HEADER_LEN, Kind, MAX_FRAME, Notice, PROTOCOL_VERSION, Stage,
-    TRAILER_LEN, encode_client, encode_server,
+    Suite, TRAILER_LEN, encode_client, encode_server,
 };
 use gantry_tau_core::units::{
     Epoch, ForceMn, MomentUnm, OffsetNm, PositionNm, Sequence, Tick, TorquePermille, VelocityUmS,
@@ -189,7 +189,7 @@ fn collector(bytes: &[u8], held: usize) -> Option<Collector> {
     let mut whole = [0; MAX_FRAME];
     let held = held % (bytes.len() + 1);
     whole[..held].copy_from_slice(&bytes[..held]);
-    Collector::from_parts(whole, held)
+    Collector::from_parts(whole, held, Suite::Checksum)
 }
 
 proptest! {
@@ -238,7 +238,7 @@ proptest! {
         let mut whole = [0; MAX_FRAME];
         held %= HEADER_LEN;
         whole[..held].copy_from_slice(&header[..held]);
-        let collector = Collector::from_parts(whole, held).unwrap();
+        let collector = Collector::from_parts(whole, held, Suite::Checksum).unwrap();
         let _judged = chunk_is_collected(&collector, &header[held..], 0);
     }
 

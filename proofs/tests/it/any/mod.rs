@@ -31,7 +31,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 /// Small numbers, where things happen, and all others.
-fn number() -> impl Strategy<Value = u64> {
+pub(crate) fn number() -> impl Strategy<Value = u64> {
     prop_oneof![3 => 0..5_u64, 1 => any::<u64>(), 1 => Just(u64::MAX)]
 }
 
