@@ -51,6 +51,7 @@ where
         sensor: SensorSource::States,
         accelerometer: accelerometer.map(Into::into),
         robot,
+        key: None,
         record: None,
         obtain: true,
         accept_unstable: true,

@@ -8,6 +8,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 
 use gantry_tau_core::control::channel::{LimitValues, Limits};
 use gantry_tau_core::control::endpoint::{MotorMap, Transport};
+use gantry_tau_core::control::keys::Keyring;
 use gantry_tau_core::control::message::{AxisLimits, Cause, Notice, Phase, Refusal};
 use gantry_tau_core::control::session::config::{AxisConfig, Config, Parameters, Travel};
 use gantry_tau_core::control::session::{Input, Reading};
@@ -17,7 +18,7 @@ use gantry_tau_core::{InForce, Monitor, Offsets, Reference, TickInput, Write};
 use gantry_tau_server::black_box::swap_channel::{self, Receiver};
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::record::TickRecord;
-use gantry_tau_server::server::connections::Listen;
+use gantry_tau_server::server::connections::{Listen, Listening};
 use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
 use gantry_tau_server::server::tick_source::TickSource;
 use gantry_tau_server::server::{Server, ServerError};
@@ -168,9 +169,31 @@ impl<const N: usize> ServerFixture<N> {
         latch: StopLatch,
         listen: Listen,
     ) -> Result<Self, ServerError> {
+        Self::listening(parameters, bus, epochs, latch, Listening::bind(&listen)?)
+    }
+
+    /// Starts a server that answers holders of these keys only.
+    #[must_use]
+    pub fn keyed(transport: Transport, keyring: Keyring) -> Self {
+        let listen = Listen {
+            transport,
+            ..LOOPBACK.into()
+        };
+        let listening = Listening::bind(&listen).unwrap().with_keys(Some(keyring));
+        let (epochs, latch) = (EpochRange::VOLATILE, StopLatch::volatile());
+        Self::listening(parameters(), Bus::default(), epochs, latch, listening).unwrap()
+    }
+
+    fn listening(
+        parameters: Parameters<N>,
+        bus: Bus<N>,
+        epochs: EpochRange,
+        latch: StopLatch,
+        listening: Listening,
+    ) -> Result<Self, ServerError> {
         let motors = MotorMap::new(std::array::from_fn(|motor| motor)).unwrap();
         let config = Config::new(parameters).unwrap();
-        let cycle = Cycle::new(config, motors, bus.clone(), epochs, latch, listen)?;
+        let cycle = Cycle::listening(config, motors, bus.clone(), epochs, latch, listening)?;
         let limits = parameters.axes.map(|axis| axis.limits);
         let travel = parameters.axes.map(|axis| axis.machine_travel);
         let mut fixture = Self {

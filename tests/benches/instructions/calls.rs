@@ -2,6 +2,7 @@
 
 #[cfg(target_os = "linux")]
 mod ethercat;
+mod keyed;
 mod position_loop;
 mod sensor;
 
@@ -56,6 +57,15 @@ pub(crate) const CALLS: &[Call] = &[
         position_loop::six_axes_of_velocity,
     ),
     call("server_tick", Some(5_000), server_tick),
+    call("server_tick_keyed", Some(17_000), keyed::tick_with_commands),
+    call(
+        "server_tick_keyed_states",
+        Some(43_000),
+        keyed::tick_with_states,
+    ),
+    call("grant_keyed", Some(95_000), keyed::grant),
+    call("greet_forged", Some(8_000), keyed::greet_forged),
+    call("greet_garbage", Some(60), keyed::greet_garbage),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(8_000), ethercat::exchange),
     call("encode_command", None, encode_command),

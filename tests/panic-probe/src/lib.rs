@@ -6,6 +6,8 @@
 use core::hint::black_box;
 
 use gantry_tau_core::control::client::Requirements;
+use gantry_tau_core::control::endpoint::{Budget, Greeted};
+use gantry_tau_core::control::keys::{Key, KeyId, Keyring, Role};
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
 use gantry_tau_core::control::position_loop::{LoopInput, PositionLoops};
@@ -84,6 +86,78 @@ fn serve(
     }
     black_box_of_ticks.release();
     Some(sum)
+}
+
+/// A server of six axes with keys: keyring, greet, open, feed, tick, poll.
+#[unsafe(no_mangle)]
+pub extern "C" fn keyed_server(
+    parameters: &Parameters<6>,
+    start: &Start<6>,
+    bytes: &[u8; 128],
+    secrets: &[[u8; 32]; 2],
+    input: &TickInput<6>,
+) -> i64 {
+    serve_with_keys(parameters, start, bytes, secrets, input).unwrap_or(0)
+}
+
+fn serve_with_keys(
+    parameters: &Parameters<6>,
+    start: &Start<6>,
+    bytes: &[u8; 128],
+    [secret, of_start]: &[[u8; 32]; 2],
+    input: &TickInput<6>,
+) -> Option<i64> {
+    let session = Session::new(Config::new(*parameters).ok()?, start).ok()?;
+    let mut keyring = Keyring::new(of_start);
+    keyring.add(Key::new(secret, Role::Control)).ok()?;
+    keyring.add(Key::new(of_start, Role::Read)).ok()?;
+    let mut endpoint = Endpoint::keyed(session, EpochRange::VOLATILE, keyring, Budget::default());
+    let mut sum = 0_i64;
+    let (peer, datagram) = bytes.split_first_chunk()?;
+    match endpoint.greet(peer, datagram) {
+        Greeted::Nothing => {}
+        Greeted::Answer(frame) => sum = i64::from(frame.first().copied().unwrap_or(0)),
+        Greeted::Peer(connection) => sum = i64::from(endpoint.feed(connection, bytes)),
+    }
+    let stream = endpoint.open(Transport::Stream).ok()?;
+    endpoint.feed(stream, bytes);
+    if let Write::Due(write) = endpoint.tick(input) {
+        write.accepted();
+    }
+    endpoint.feed(stream, bytes);
+    while let Some((_, bytes)) = endpoint.poll_transmit() {
+        sum = sum.wrapping_add(i64::from(bytes.first().copied().unwrap_or(0)));
+    }
+    let id = endpoint.granted_key().map_or(0, |KeyId([first, ..])| first);
+    Some(sum.wrapping_add(i64::from(id)))
+}
+
+/// A client with a key.
+#[unsafe(no_mangle)]
+pub extern "C" fn keyed_client(bytes: &[u8; 500], secret: &[u8; 32], nonce: &[u8; 16]) -> i64 {
+    let key = Key::new(secret, Role::Control);
+    let transport = if black_box(0) == 0 {
+        Transport::Stream
+    } else {
+        Transport::Datagram
+    };
+    let mut client = Client::<6>::keyed(transport, Requirements::default(), key, *nonce);
+    let mut sum = client.hello().map_or(0, |frame| i64::from(frame.len() > 1));
+    let mut received = client.feed(bytes);
+    while let Some(event) = received.poll_event() {
+        sum = sum.wrapping_add(i64::from(event.is_ok()));
+    }
+    let frames = [
+        client
+            .answer(Mode::Obtain, &[Offsets::ZERO; 6])
+            .map(|answer| answer.frame),
+        client.goodbye(),
+        client.stop(),
+    ];
+    for frame in frames.iter().flatten() {
+        sum = sum.wrapping_add(i64::from(frame.first().copied().unwrap_or(0)));
+    }
+    sum
 }
 
 /// Position loops of six axes: check, start, tick.

@@ -8,6 +8,7 @@ mod compensation;
 mod config;
 mod deframer;
 mod frame;
+mod greeting;
 mod kinematics;
 mod labcomm;
 mod measurements;
@@ -19,6 +20,7 @@ pub use compensation::{Loads, compensation};
 pub use config::config;
 pub use deframer::deframer;
 pub use frame::{Sealed, frame};
+pub use greeting::{ACT, acts, greeting};
 pub use kinematics::{Problem, kinematics};
 pub use labcomm::{labcomm, labcomm_json};
 pub use measurements::{BETWEEN, kinds_of_file, measurements};
@@ -32,11 +34,12 @@ use arbitrary::{Arbitrary, Unstructured};
 pub type Target = fn(&[u8]);
 
 /// Every target by its name, which is that of its folder of seeds.
-pub const TARGETS: [(&str, Target); 11] = [
+pub const TARGETS: [(&str, Target); 12] = [
     ("compensation", compensation),
     ("config", config),
     ("deframer", deframer),
     ("frame", frame),
+    ("greeting", greeting),
     ("kinematics", kinematics),
     ("labcomm", labcomm),
     ("labcomm_json", labcomm_json),

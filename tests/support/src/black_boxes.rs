@@ -212,6 +212,7 @@ fn input<const N: usize>(
         tick,
         last_write,
         arrival_us: random.random(),
+        unauthentic: random.random(),
         epochs,
         events,
     }

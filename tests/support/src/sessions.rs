@@ -75,6 +75,7 @@ pub fn run<K: MachineKind<N>, const N: usize, const M: usize>(
         sensor: SensorSource::States,
         accelerometer: None,
         robot: robot.clone(),
+        key: None,
         record: Some(client_file),
         obtain: true,
         accept_unstable: false,

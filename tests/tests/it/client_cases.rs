@@ -69,6 +69,7 @@ fn compensates_with(bytes: [(usize, u32); 2]) -> ClientError {
         sensor: SensorSource::States,
         accelerometer: None,
         robot: RobotFile::builtin_l2().unwrap(),
+        key: None,
         record: None,
         obtain: true,
         accept_unstable: false,

@@ -94,6 +94,7 @@ fn every_state_is_answered_once() {
         sensor: SensorSource::States,
         accelerometer: None,
         robot,
+        key: None,
         record: None,
         obtain: false,
         accept_unstable: false,

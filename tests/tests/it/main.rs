@@ -26,6 +26,7 @@ mod ethercat;
 mod feed_forward;
 mod fuzz_seeds;
 mod hostile_traffic;
+mod keys;
 mod kill;
 mod labcomm;
 mod labcomm_page;

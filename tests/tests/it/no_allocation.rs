@@ -5,10 +5,13 @@
 //! beside this one do not matter.
 
 use std::io::Write;
-use std::net::{SocketAddr, TcpStream};
+use std::net::{SocketAddr, TcpStream, UdpSocket};
 
 use allocation_counter::measure;
+use gantry_tau_core::Offsets;
+use gantry_tau_core::control::client::{self, Event, Requirements};
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::keys::{Key, Keyring, Role};
 use gantry_tau_core::control::message::{Capabilities, Cause, Mode, Phase, Refusal, ServerMessage};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_labcomm::Version;
@@ -18,7 +21,7 @@ use gantry_tau_server::black_box::swap_channel::{self, Receiver};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::publication::{Publication, SampleName};
 use gantry_tau_server::record::TickRecord;
-use gantry_tau_server::server::connections::Listen;
+use gantry_tau_server::server::connections::{Listen, Listening};
 use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
 use gantry_tau_server::state::StopLatch;
 use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
@@ -40,6 +43,14 @@ struct Server<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Server<N, M> {
     fn start<K: MachineKind<N>>(robot: &RobotFile<K, N>, transport: Transport) -> Self {
+        Self::keyed(robot, transport, None)
+    }
+
+    fn keyed<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        transport: Transport,
+        keyring: Option<Keyring>,
+    ) -> Self {
         let (hand, tool) = load_generator();
         let machine = SimulatedMachine::from_robot(robot, tool, Motion::Hold).unwrap();
         let config = robot.session_config(Capabilities::NONE).unwrap();
@@ -58,13 +69,13 @@ impl<const N: usize, const M: usize> Server<N, M> {
             transport,
             ..LOOPBACK.into()
         };
-        let cycle = Cycle::new(
+        let cycle = Cycle::listening(
             config,
             motors,
             machine,
             EpochRange::VOLATILE,
             StopLatch::volatile(),
-            listen,
+            Listening::bind(&listen).unwrap().with_keys(keyring),
         )
         .unwrap();
         let (sender, black_boxes) = swap_channel::channel();
@@ -144,6 +155,51 @@ fn nor_does_it_with_drives_that_are_not_ideal() {
         ..DriveKeys::default()
     });
     allocates_nothing(Server::<6, F1_MOTORS>::start(&robot, Transport::Stream));
+}
+
+/// With keys: a session, forgeries from the owner's address, Hellos of strangers.
+#[test]
+fn nor_does_it_with_keys() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let key = || Key::new(&[1; 32], Role::Control);
+    let mut keyring = Keyring::new(&[2; 32]);
+    keyring.add(key()).unwrap();
+    let mut server = Server::<3, L2_MOTORS>::keyed(&robot, Transport::Datagram, Some(keyring));
+    let [socket, stranger] = [(); 2].map(|()| {
+        let socket = UdpSocket::bind(LOOPBACK).unwrap();
+        socket.connect(server.cycle.address().unwrap()).unwrap();
+        socket.set_nonblocking(true).unwrap();
+        socket
+    });
+    let requirements = Requirements::default();
+    let mut owner = client::Client::<3>::keyed(Transport::Datagram, requirements, key(), [3; 16]);
+    let foreign = Key::new(&[4; 32], Role::Control);
+    let mut other = client::Client::<3>::keyed(Transport::Datagram, requirements, foreign, [5; 16]);
+    let foreign = other.hello().unwrap();
+    socket.send(&owner.hello().unwrap()).unwrap();
+    let mut buffer = [0; 1_000];
+    let mut obtained = 0;
+    wait_for("three hundred ticks of Obtain", || {
+        while let Ok(count) = socket.recv(&mut buffer) {
+            let event = owner.feed(&buffer[..count]).poll_event();
+            if event == Some(Ok(Event::Challenged)) {
+                socket.send(&owner.hello().unwrap()).unwrap();
+            }
+        }
+        stranger.send(&foreign).unwrap();
+        if let Some(answer) = owner.answer(Mode::Obtain, &[Offsets::ZERO; 3]) {
+            let mut forged = answer.frame.to_vec();
+            if let Some(last) = forged.last_mut() {
+                *last ^= 1;
+            }
+            for _ in 0..5 {
+                socket.send(&forged).unwrap();
+            }
+            socket.send(&answer.frame).unwrap();
+        }
+        obtained += u32::from(server.tick(false).state.phase == Phase::Obtain);
+        obtained == 300
+    });
 }
 
 /// Datagrams of the owner, of others, broken and empty ones.

@@ -43,7 +43,15 @@ fn mentions(archive: &[u8], symbol: &str) -> bool {
 fn the_linked_core_has_no_panic_path() {
     let archive = build(&[]);
     assert!(
-        ["server", "client", "client_of_six"].map(|entry| mentions(&archive, entry)) == [true; 3],
+        [
+            "server",
+            "client",
+            "client_of_six",
+            "keyed_server",
+            "keyed_client"
+        ]
+        .map(|entry| mentions(&archive, entry))
+            == [true; 5],
         "the probe is not linked"
     );
     assert!(

@@ -1,32 +1,97 @@
 //! `wire.md` against the encoder and decoder.
 
-use gantry_tau_core::control::message::{ServerMessage, State};
-use gantry_tau_core::control::wire::encode_server;
-use gantry_tau_core::control::wire::{Frame, decode_client, encode_client};
-use gantry_tau_core::units::{ForceMn, MomentUnm, WrenchSample};
+use gantry_tau_core::control::keys::{Key, Keyring, Role, SessionOf};
+use gantry_tau_core::control::message::{
+    Capabilities, Challenge, ClientMessage, Hello, KeyedHello, ServerMessage, State,
+};
+use gantry_tau_core::control::wire::{
+    Frame, Kind, Sealed, Suite, decode_client, enclose, encode_client, encode_server,
+};
+use gantry_tau_core::units::{Epoch, ForceMn, MomentUnm, Tick, WrenchSample};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::{self, gauges};
 use gantry_tau_server::record::TickRecord;
 
 use crate::fuzz_seeds::streams::command;
 
+/// The examples of `wire.md`: their bytes, in order.
+fn examples() -> Vec<Vec<u8>> {
+    let page = include_str!("../../../wire.md");
+    let blocks = page.split("```hex").skip(1);
+    let bytes_of = |block: &str| {
+        let (block, _) = block.split_once("```").unwrap();
+        let bytes = block
+            .lines()
+            .filter_map(|line| line.split('|').next())
+            .flat_map(str::split_whitespace);
+        bytes
+            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
+            .collect()
+    };
+    blocks.map(bytes_of).collect()
+}
+
 /// The worked example of `wire.md`, byte for byte.
 #[test]
 fn the_worked_example_of_the_specification_holds() {
-    let page = include_str!("../../../wire.md");
-    let (_, example) = page.split_once("```hex").unwrap();
-    let (example, _) = example.split_once("```").unwrap();
-    let bytes: Vec<u8> = example
-        .lines()
-        .filter_map(|line| line.split('|').next())
-        .flat_map(str::split_whitespace)
-        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-        .collect();
-    assert_eq!(command::<3>(42), bytes);
+    let bytes = &examples()[0];
+    assert_eq!(command::<3>(42), *bytes);
     // The check value of this CRC-32, as its catalogues have it.
     assert_eq!(gantry_tau_tests::client::crc32(b"123456789"), 0xcbf4_3926);
-    let message = decode_client::<3>(&Frame::parse(&bytes).unwrap()).unwrap();
+    let message = decode_client::<3>(&Frame::parse(bytes).unwrap()).unwrap();
     assert_eq!(&*encode_client(&message), bytes);
+}
+
+/// The frames with tags of `wire.md`, from secret, nonce and the server's random numbers on.
+#[test]
+fn the_worked_example_with_keys_holds() {
+    let [command, first, challenge, again, tagged, goodbye] = &examples()[..] else {
+        panic!("six examples");
+    };
+    let secret = std::array::from_fn(|index| u8::try_from(index).unwrap());
+    let nonce = std::array::from_fn(|index| 0xa0 + u8::try_from(index).unwrap());
+    let key = Key::new(&secret, Role::Control);
+    let hello = |cookie| {
+        let hello = KeyedHello {
+            hello: Hello {
+                axes: 3,
+                capabilities: Capabilities(3),
+            },
+            key: key.id(),
+            nonce,
+            cookie,
+        };
+        let mut frame = enclose(Kind::KeyedHello, &hello);
+        frame.tag(key.greeting(), &[]);
+        frame
+    };
+    assert_eq!(&*hello([0; 16]), first);
+    let mut peer = [0; 18];
+    peer[10..].copy_from_slice(&[0xff, 0xff, 192, 168, 1, 5, 0xc3, 0x50]);
+    let cookie = Keyring::new(&[0x55; 32]).cookie(&peer, &nonce, Epoch(7), Tick(999));
+    let mut frame = enclose(Kind::Challenge, &Challenge { cookie });
+    frame.tag(key.greeting(), &nonce);
+    assert_eq!(&*frame, challenge);
+    assert_eq!(&*hello(cookie), again);
+    let session = key.session(&SessionOf {
+        nonce,
+        cookie,
+        epoch: Epoch(7),
+        axes: 3,
+        kinematics_checksum: 0x8f2c_1a77,
+    });
+    let message = decode_client::<3>(&Frame::parse(command).unwrap()).unwrap();
+    for (message, expected) in [
+        (message, tagged),
+        (ClientMessage::Goodbye(Epoch(7)), goodbye),
+    ] {
+        let mut frame = encode_client(&message);
+        frame.tag(&session, &[]);
+        assert_eq!(&*frame, expected);
+        let sealed = Sealed::parse(expected, Suite::Tag).unwrap();
+        let opened = sealed.check_tag(&session, &[]).unwrap();
+        assert_eq!(decode_client(&opened), Ok(message));
+    }
 }
 
 /// The force sensor lies in a State where the page says.

@@ -11,6 +11,8 @@ use std::process::{Child, Output};
 use std::time::{Duration, Instant};
 
 use gantry_tau_core::Monitor;
+use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::keys::Keyring;
 use gantry_tau_core::control::message::{Capabilities, Cause, Phase};
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_core::units::EpochRange;
@@ -20,6 +22,7 @@ use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::plant::{Plant, Reading};
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_server::server::Server;
+use gantry_tau_server::server::connections::{Listen, Listening};
 use gantry_tau_server::server::cycle::Cycle;
 use gantry_tau_server::server::tick_source::TickSource;
 use gantry_tau_server::state::StopLatch;
@@ -80,12 +83,37 @@ impl Session {
         Self::serving(&robot, Liar::new(machine, speak), load)
     }
 
+    /// Starts one with keys, or over another transport, without a load.
+    pub(crate) fn listening(transport: Transport, keyring: Option<Keyring>) -> Self {
+        let robot = RobotFile::builtin_l2().unwrap();
+        let (hand, applied) = load_generator();
+        let machine =
+            SimulatedMachine::<3, L2_MOTORS>::from_robot(&robot, applied, Motion::Hold).unwrap();
+        let listen = Listen {
+            transport,
+            ..LOOPBACK.into()
+        };
+        let listening = Listening::bind(&listen).unwrap().with_keys(keyring);
+        let load = LoadProfile::new(hand, 0.0, 1.0);
+        Self::serving_at(listening, &robot, machine, load)
+    }
+
     fn serving(
         robot: &RobotFile<L2, ARMS>,
         plant: impl Plant<ARMS, L2_MOTORS> + 'static,
         load: LoadProfile,
     ) -> Self {
-        let cycle = cycle(robot, plant);
+        let listening = Listening::bind(&LOOPBACK.into()).unwrap();
+        Self::serving_at(listening, robot, plant, load)
+    }
+
+    fn serving_at(
+        listening: Listening,
+        robot: &RobotFile<L2, ARMS>,
+        plant: impl Plant<ARMS, L2_MOTORS> + 'static,
+        load: LoadProfile,
+    ) -> Self {
+        let cycle = cycle(robot, plant, listening);
         let (server, observer) = Server::spawn(cycle, TickSource::Lockstep).unwrap();
         let travel = robot.limits.map(|axis| axis.machine_travel);
         let monitor = Monitor::new(robot.limits.map(|axis| axis.limits), Some(travel));
@@ -208,16 +236,17 @@ impl Session {
 fn cycle<K: MachineKind<ARMS>, P: Plant<ARMS, L2_MOTORS>>(
     robot: &RobotFile<K, ARMS>,
     machine: P,
+    listening: Listening,
 ) -> Cycle<ARMS, L2_MOTORS, P> {
     let config = robot.session_config(Capabilities::LOCKSTEP).unwrap();
     let motors = robot.motor_map().unwrap();
-    Cycle::new(
+    Cycle::listening(
         config,
         motors,
         machine,
         EpochRange::VOLATILE,
         StopLatch::volatile(),
-        LOOPBACK,
+        listening,
     )
     .unwrap()
 }

@@ -5,6 +5,7 @@
 //! files again.
 
 mod bytes;
+mod forgeries;
 mod labcomm;
 mod loads;
 mod loops;
@@ -29,6 +30,7 @@ fn seeds_of(target: &str) -> Vec<Seed> {
         "config" => texts::robots(),
         "deframer" => streams::streams(),
         "frame" => streams::sealed(),
+        "greeting" => forgeries::seeds(),
         "kinematics" => problems::seeds(),
         "labcomm" => labcomm::streams(),
         "labcomm_json" => labcomm::lines(),

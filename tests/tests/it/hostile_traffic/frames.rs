@@ -78,7 +78,7 @@ fn one_wrong_byte_ends_the_session_wherever_it_is() {
         session.server.assert_disconnect(from, Cause::Malformed);
         match index {
             VERSION_BYTE => assert_eq!(session.client.notice(), Notice::VERSION),
-            6 | 7 => assert_eq!(session.client.notice(), Notice::SUITE),
+            6 | 7 => assert_eq!(session.client.notice(), Notice::suite(0)),
             _ => session.client.assert_closed(),
         }
         server = session.server;

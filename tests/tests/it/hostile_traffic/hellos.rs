@@ -40,7 +40,7 @@ fn a_hello_is_refused_with_its_reason() {
     for suite in [1, 2, 65_535_u16] {
         let mut hello = hello_with(3, 1);
         hello[6..8].copy_from_slice(&suite.to_le_bytes());
-        assert_eq!(server.notice(&hello), Notice::SUITE);
+        assert_eq!(server.notice(&hello), Notice::suite(0));
     }
     // As version 1 had it: no suite in its header.
     let said = server.notice(b"GT\x01\x01\x04\0\x03\0\x01\0\x46\xb3\xb0\x4a");

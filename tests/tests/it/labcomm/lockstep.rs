@@ -154,6 +154,7 @@ impl Lockstep {
             sensor,
             accelerometer: None,
             robot: robot(),
+            key: None,
             record: None,
             obtain: true,
             accept_unstable: false,

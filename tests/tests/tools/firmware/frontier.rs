@@ -82,7 +82,7 @@ fn curve(name: &str, measured: &Measured) -> Curve {
 fn goals() -> Curve {
     let text = budget::goal("m7_small_whole", "text");
     // The goals are those of hostile traffic as well.
-    let l2 = budget::goal("m7_calm", "l2_tick_worst");
+    let l2 = budget::goal("m7_hostile", "l2_tick_worst");
     let f1 = budget::goal("m7_hostile", "f1_tick_worst");
     let left = text - text / 8;
     Curve::line(

@@ -386,6 +386,21 @@ fn bad_parameters() {
         &format!("{port} address=here epoch_file=epochs"),
         "address=here is not an IPv4 address",
     );
+    refused(
+        "no-key",
+        &format!("{port} address=0.0.0.0 epoch_file=epochs"),
+        "everybody who reaches 0.0.0.0 could move the machine: give key=FILE",
+    );
+    refused(
+        "no-key-file",
+        &format!("{port} key=nowhere epoch_file=epochs"),
+        "key=nowhere: No such file or directory",
+    );
+    refused(
+        "no-key-in-it",
+        &format!("{port} key=setup.hal epoch_file=epochs"),
+        "key=setup.hal: others may read or write it; run: chmod 600 setup.hal",
+    );
 }
 
 /// One server at a time owns a counter, be it this component or `serve`.

@@ -241,7 +241,7 @@ pub(super) fn counted<const N: usize>(said: &str, words: [&str; N]) -> [usize; N
 }
 
 /// True for a State of a session that was not ended.
-const fn is_live(row: &TickRecord<ARMS>) -> bool {
+pub(super) const fn is_live(row: &TickRecord<ARMS>) -> bool {
     matches!(
         row.state.phase,
         Phase::Handshake | Phase::Submit | Phase::Obtain

@@ -14,6 +14,8 @@
 
 mod examples;
 mod failures;
+#[cfg(unix)]
+mod keys;
 mod peers;
 
 use std::path::{Path, PathBuf};
@@ -55,6 +57,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         .iter()
         .chain(failures::TRIALS)
         .chain(peers::TRIALS);
+    #[cfg(unix)]
+    let all = all.chain(keys::TRIALS);
     all.map(|&(name, check)| trial(name, check)).collect()
 }
 
