@@ -73,7 +73,7 @@ fn add_part(file: &mut Vec<u8>, content: &impl serde::Serialize) {
 
 /// Returns the file that a program in C would write.
 fn binary<const N: usize>(window: &Window<N>) -> Vec<u8> {
-    let mut file = b"GTBB\x07".to_vec();
+    let mut file = b"GTBB\x08".to_vec();
     file.push(u8::try_from(N).unwrap());
     file.extend(u32::try_from(window.entries.len()).unwrap().to_le_bytes());
     add_part(&mut file, &window.before);
@@ -106,7 +106,7 @@ fn an_edited_binary_file_is_refused_with_part_and_reason() {
     );
     refused(
         &file,
-        |file| file[4] = 6,
+        |file| file[4] = 7,
         "a, part 0: version is 7; this program reads version 8",
     );
     refused(
