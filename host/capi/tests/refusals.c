@@ -331,7 +331,7 @@ static void servers(void)
     EXPECT(BUFFER_TOO_SMALL, gt_server_black_box_part(server, 0, NULL, 0, &length));
     REFUSE(length != 10)
     EXPECT(OK, gt_server_black_box_part(server, 0, part, 10, &length));
-    REFUSE(length != 10 || memcmp(part, "GTBB\7\6\1\0\0\0", 10) != 0)
+    REFUSE(length != 10 || memcmp(part, "GTBB\10\6\1\0\0\0", 10) != 0)
     EXPECT(OK, gt_server_black_box_part(server, 2, part, sizeof part, &whole));
     memcpy(beginning, part, 8);
     memset(part, 77, sizeof part);

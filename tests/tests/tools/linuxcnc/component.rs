@@ -44,7 +44,7 @@ pub(super) fn cases() -> Result<(), Failed> {
     }
     compiler.arg(own.join("bench.c"));
     compiler.args(
-        ["configuration", "drives", "epochs", "pins"]
+        ["configuration", "drives", "epochs", "files", "keys", "pins"]
             .map(|name| folder().join(name).with_extension("c")),
     );
     run(compiler

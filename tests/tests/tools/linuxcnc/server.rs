@@ -498,7 +498,7 @@ fn known_functions_only() {
         .lines()
         .filter_map(|line| line.split_whitespace().last()?.split('@').next())
         .collect();
-    let known = "accept4 bind close dirname dprintf flock fstat fsync ftruncate getpid inet_pton listen lseek lstat memcmp memcpy memmove memset bcmp nanosleep open \
+    let known = "accept4 bind close dirname dprintf flock fstat fsync ftruncate geteuid getpid getrandom inet_pton listen lseek lstat memcmp memcpy memmove memset bcmp nanosleep open \
                  ppoll read recv recvfrom rename send sendto setsockopt snprintf socket strcpy strerror strlen strncmp strspn strtoull unlink write";
     let known: BTreeSet<&str> = known.split_whitespace().collect();
     let prefixes = ["hal_", "rtapi_", "_"];
