@@ -216,7 +216,7 @@ static void measure(void)
 
 static void receive(void)
 {
-    sockets_receive(server, output.has_owner ? &output.owner : NULL);
+    sockets_receive(server);
 }
 
 static void tick(void)

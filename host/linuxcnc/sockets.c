@@ -32,16 +32,12 @@ struct peer {
     int is_gone;
     int socket;
     uint64_t connection;
-    /* Later ones have higher numbers. */
-    uint64_t number;
     struct sockaddr_in address;
 };
 
 static int uses_datagrams;
 static int listener = CLOSED;
 static struct peer peers[GT_MAX_CONNECTIONS];
-/* Number of the last connection. */
-static uint64_t last_number;
 
 static void shut(int *socket)
 {
@@ -138,7 +134,6 @@ static void seat(struct peer *peer, uint64_t connection)
     peer->connection = connection;
     peer->is_open = 1;
     peer->is_gone = 0;
-    peer->number = ++last_number;
 }
 
 /* Registers a new stream with the server. Returns it; NULL if there is no room. */
@@ -168,27 +163,24 @@ static void refuse(int stream)
     }
 }
 
-/* Refuses and closes the stream that has been open longest without the session: a client says Hello at once. Returns 0, or -1 without one. */
-static int close_longest_idle(gt_server *server, const uint64_t *owner)
+/* Refuses and closes the stream that is to make room. Returns 0, or -1 without one. */
+static int close_longest_idle(gt_server *server)
 {
-    struct peer *longest = NULL;
-    for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
-        struct peer *peer = &peers[i];
-        const int is_idle = peer->is_open && (owner == NULL || peer->connection != *owner);
-        if (is_idle && (longest == NULL || peer->number < longest->number)) {
-            longest = peer;
-        }
+    uint64_t connection;
+    struct peer *idle = NULL;
+    if (gt_server_longest_idle(server, &connection) == GT_CODE_OK) {
+        idle = find(connection);
     }
-    if (longest == NULL) {
+    if (idle == NULL) {
         return -1;
     }
-    refuse(longest->socket);
-    gt_server_close(server, longest->connection);
-    forget(longest);
+    refuse(idle->socket);
+    gt_server_close(server, connection);
+    forget(idle);
     return 0;
 }
 
-static void accept_streams(gt_server *server, const uint64_t *owner)
+static void accept_streams(gt_server *server)
 {
     for (int i = 0; i < ACCEPTS; i++) {
         struct peer *peer;
@@ -201,7 +193,7 @@ static void accept_streams(gt_server *server, const uint64_t *owner)
             continue;
         }
         peer = enter(server);
-        if (peer == NULL && close_longest_idle(server, owner) == 0) {
+        if (peer == NULL && close_longest_idle(server) == 0) {
             peer = enter(server);
         }
         if (peer != NULL) {
@@ -228,9 +220,9 @@ static void read_stream(gt_server *server, struct peer *peer)
     }
 }
 
-static void receive_streams(gt_server *server, const uint64_t *owner)
+static void receive_streams(gt_server *server)
 {
-    accept_streams(server, owner);
+    accept_streams(server);
     for (int i = 0; i < GT_MAX_CONNECTIONS; i++) {
         struct peer *peer = &peers[i];
         if (peer->is_open) {
@@ -306,12 +298,12 @@ static void receive_datagrams(gt_server *server)
     }
 }
 
-void sockets_receive(gt_server *server, const uint64_t *owner)
+void sockets_receive(gt_server *server)
 {
     if (uses_datagrams) {
         receive_datagrams(server);
     } else {
-        receive_streams(server, owner);
+        receive_streams(server);
     }
 }
 

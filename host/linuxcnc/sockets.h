@@ -17,9 +17,8 @@ int sockets_open(const char *address, int port, int udp, char *error, size_t siz
 /* Closes every socket. */
 void sockets_shut(void);
 
-/* Accepts new peers and feeds what has arrived to the server. When all places are taken, the connection that has been open longest makes room
- * that is not the `owner` of the session; NULL without one. */
-void sockets_receive(gt_server *server, const uint64_t *owner);
+/* Accepts new peers and feeds what has arrived to the server. When all places are taken, the connection of gt_server_longest_idle makes room. */
+void sockets_receive(gt_server *server);
 
 /* Writes a whole frame, or takes note that its connection is lost. Does not wait. */
 void sockets_send(const gt_frame *frame);

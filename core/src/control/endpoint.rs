@@ -51,6 +51,9 @@ pub const CONNECTIONS: usize = 6;
 pub const REFUSALS: usize = CONNECTIONS + EVENTS;
 /// Largest number of frames per tick: notices and Refusals, a Welcome, a State.
 pub const FRAMES: usize = REFUSALS + 2;
+/// Ticks in which a client shows its key, before its connection has to make room.
+#[cfg(feature = "keyed")]
+const GREETING_TICKS: u32 = 8;
 /// Events of all non-owners together that reach a tick.
 const NON_OWNER_EVENTS: u8 = 5;
 /// Events of the owner that reach a tick: its frames, the flood or broken stream after them, one
@@ -248,6 +251,30 @@ impl<const N: usize> Endpoint<N> {
         self.slots.push(slot).map_err(|_| Full)?;
         self.next_connection = self.next_connection.saturating_add(1);
         Ok(connection)
+    }
+
+    /// Returns the connection that is to make room for a new stream when all places are taken: of those
+    /// without the session the one that has been open longest, for a client says Hello at once. With
+    /// keys one that has shown its key goes last, and a new one stays until it can have done so. `None`:
+    /// the new stream is refused.
+    #[must_use]
+    pub fn longest_idle(&self) -> Option<Connection> {
+        let (owner, patience) = (self.session.owner(), self.greeting_ticks());
+        let is_idle =
+            |slot: &&Slot| owner != Some(slot.connection) && slot.idle_ticks() >= patience;
+        let idle = self.slots.iter().filter(is_idle);
+        // The first of several: they are in the order of their opening.
+        idle.min_by_key(|slot| slot.has_shown_key())
+            .map(|slot| slot.connection)
+    }
+
+    /// Ticks that a new stream has to show its key.
+    const fn greeting_ticks(&self) -> u32 {
+        match self.suite() {
+            Suite::Checksum => 0,
+            #[cfg(feature = "keyed")]
+            Suite::Tag => GREETING_TICKS,
+        }
     }
 
     /// Returns the frame for a peer without room for its connection: over a stream a notice.

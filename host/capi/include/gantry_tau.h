@@ -1341,6 +1341,11 @@ gt_code gt_server_granted_key(struct gt_server *server, uint8_t *id);
 // close.
 gt_code gt_server_open(struct gt_server *server, uint32_t transport, uint64_t *connection);
 
+// `connection` receives the one that is to make room for a new stream after GT_CODE_FULL: send it
+// the frame of gt_server_refusal, close it, and open the new one. GT_CODE_DONE: there is none, and
+// the new one is refused.
+gt_code gt_server_longest_idle(struct gt_server *server, uint64_t *connection);
+
 // Returns the frame for a peer without room for its connection; the frame's `connection` has no
 // meaning. `transport`: as for gt_server_open.
 //

@@ -269,6 +269,23 @@ fn transport_of(code: u32) -> Result<Transport, gt_code> {
     }
 }
 
+/// `connection` receives the one that is to make room for a new stream after GT_CODE_FULL: send it
+/// the frame of gt_server_refusal, close it, and open the new one. GT_CODE_DONE: there is none, and
+/// the new one is refused.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn gt_server_longest_idle(
+    server: *mut gt_server,
+    connection: *mut u64,
+) -> gt_code {
+    // SAFETY: the header's rules for pointers; null is allowed for the error.
+    unsafe {
+        answer(connection, null_mut(), || {
+            let idle = ask!(server, server => server.endpoint.longest_idle());
+            Ok(idle.ok_or(gt_code::Done)?.0)
+        })
+    }
+}
+
 /// Returns the frame for a peer without room for its connection; the frame's `connection` has no
 /// meaning. `transport`: as for gt_server_open.
 ///

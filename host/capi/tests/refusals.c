@@ -256,6 +256,10 @@ static void servers(void)
         REFUSE(connection != (uint64_t)i)
     }
     EXPECT(FULL, gt_server_open(server, GT_TRANSPORT_STREAM, &connection));
+    EXPECT(OK, gt_server_longest_idle(server, &connection));
+    REFUSE(connection != 0)
+    EXPECT(NULL_POINTER, gt_server_longest_idle(server, NULL));
+    EXPECT(NULL_POINTER, gt_server_longest_idle(NULL, &connection));
     EXPECT(OK, gt_server_refusal(GT_TRANSPORT_STREAM, &frame));
     REFUSE(frame.length != 18 || memcmp(frame.bytes, "GT\1\7\10\0\7", 7) != 0)
     EXPECT(OK, gt_server_refusal(GT_TRANSPORT_DATAGRAM, &frame));

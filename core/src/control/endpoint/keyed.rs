@@ -34,12 +34,6 @@ impl<const N: usize> Endpoint<N> {
         hello_of(&self.slots, self.session.owner()?).map(|hello| hello.key)
     }
 
-    /// True if a connection has sent a Hello with a right tag.
-    #[must_use]
-    pub fn has_shown_key(&self, connection: Connection) -> bool {
-        hello_of(&self.slots, connection).is_some()
-    }
-
     /// As [`Self::greet`].
     pub(super) fn greet_keyed(&mut self, peer: &[u8; 18], datagram: &[u8]) -> Greeted<'_> {
         let Some(gate) = &mut self.gate else {

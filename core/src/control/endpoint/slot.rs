@@ -107,6 +107,20 @@ impl Slot {
         self.deframer.held()
     }
 
+    /// Returns the number of ticks without owning the session.
+    pub const fn idle_ticks(&self) -> u32 {
+        self.idle_ticks
+    }
+
+    /// True if a Hello with a right tag has come.
+    pub const fn has_shown_key(&self) -> bool {
+        #[cfg(feature = "keyed")]
+        let has_shown_key = self.hello.is_some();
+        #[cfg(not(feature = "keyed"))]
+        let has_shown_key = false;
+        has_shown_key
+    }
+
     /// True if bytes of this connection are still read.
     pub const fn is_read(&self) -> bool {
         !self.closing && !self.closed

@@ -350,6 +350,18 @@ fn silent_others_are_shown_out() {
 }
 
 #[test]
+fn the_connection_that_is_open_longest_without_the_session_makes_room() {
+    let (mut bench, owner) = obtaining(Transport::Stream);
+    assert_eq!(bench.endpoint.longest_idle(), None);
+    let [first, next] = [(); 2].map(|()| bench.open(Transport::Stream));
+    assert_eq!(bench.endpoint.longest_idle(), Some(first));
+    bench.endpoint.close(first);
+    assert_eq!(bench.endpoint.longest_idle(), Some(next));
+    bench.endpoint.close(owner);
+    assert_eq!(bench.endpoint.longest_idle(), Some(next));
+}
+
+#[test]
 fn lock_step_waits_for_the_answer_to_the_last_state() {
     let (mut bench, owner) = obtaining(Transport::Stream);
     let old = bench.answer(owner);

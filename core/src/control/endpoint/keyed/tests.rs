@@ -707,6 +707,29 @@ fn a_client_answers_eight_challenges() {
     }
 }
 
+/// Strangers make room before a client that has shown its key, and none before it can have done so.
+#[test]
+fn a_stranger_makes_room_first() {
+    let mut server = Server::new(Transport::Stream);
+    let shown = server.connection.unwrap();
+    let strangers: StdVec<_> = (1..CONNECTIONS)
+        .map(|_| server.bench.open(Transport::Stream))
+        .collect();
+    server.take(&hello(&CONTROL, |_| {}));
+    for _ in 0..7 {
+        server.tick();
+        assert_eq!(server.bench.endpoint.longest_idle(), None);
+    }
+    server.tick();
+    for stranger in strangers {
+        assert_eq!(server.bench.endpoint.longest_idle(), Some(stranger));
+        server.bench.endpoint.close(stranger);
+    }
+    assert_eq!(server.bench.endpoint.longest_idle(), Some(shown));
+    let (server, _) = obtaining(Transport::Stream);
+    assert_eq!(server.bench.endpoint.longest_idle(), None);
+}
+
 #[test]
 fn six_proven_peers_are_the_most() {
     let mut server = Server::new(Transport::Datagram);

@@ -5,8 +5,6 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use gantry_tau_core::control::endpoint::{CONNECTIONS, Endpoint, Full, Transport};
 use gantry_tau_core::control::session::Connection;
-use gantry_tau_core::control::wire::Suite;
-use gantry_tau_core::units::Tick;
 
 use crate::links::Allowed;
 use crate::realtime::is_acceptable;
@@ -16,8 +14,6 @@ const CHUNK: usize = 4_096;
 /// Reads from one connection per visit: more than the owner's frames of a tick, and a bound on the
 /// work a flood can cause.
 const READS: usize = 2;
-/// Ticks in which a client shows its key.
-const GREETING: u64 = 8;
 /// New connections accepted per visit.
 const ACCEPTS: usize = 2;
 
@@ -27,8 +23,6 @@ struct Peer {
     stream: TcpStream,
     /// A write failed or the peer closed; the endpoint learns of it in the next visit.
     gone: bool,
-    /// Tick in which it was opened.
-    since: Tick,
 }
 
 /// Listener and peers.
@@ -51,9 +45,8 @@ impl Streams {
         })
     }
 
-    /// Accepts new peers. When all places are taken, the connection that has been open longest
-    /// without the session makes room: a client says Hello at once, and one that is refused is
-    /// closed, so that those that stay are idle. With keys a client needs some ticks to show its own.
+    /// Accepts new peers. When all places are taken, one makes room ([`Endpoint::longest_idle`]): one
+    /// that is refused is closed, so that those that stay are idle.
     pub(super) fn accept<const N: usize>(&mut self, endpoint: &mut Endpoint<N>) {
         for _ in 0..ACCEPTS {
             if !is_acceptable(&self.listener) {
@@ -78,7 +71,6 @@ impl Streams {
                     connection,
                     stream,
                     gone: false,
-                    since: endpoint.session().last_tick(),
                 }),
                 // Best effort: the peer is about to be closed anyway.
                 Err(Full) => drop(stream.write(&Endpoint::<N>::full_refusal(Transport::Stream))),
@@ -86,20 +78,10 @@ impl Streams {
         }
     }
 
-    /// Refuses and closes the first connection that is not the owner's; `None` without one.
+    /// Refuses and closes the connection that is to make room; `None` without one.
     fn close_longest_idle<const N: usize>(&mut self, endpoint: &mut Endpoint<N>) -> Option<()> {
-        let (owner, now) = (endpoint.session().owner(), endpoint.session().last_tick());
-        let patience = match endpoint.suite() {
-            Suite::Checksum => 0,
-            Suite::Tag => GREETING,
-        };
-        let idle = |peer: &Peer| {
-            Some(peer.connection) != owner && now.0.saturating_sub(peer.since.0) >= patience
-        };
-        // One that has shown its key last: it is about to have a session.
-        let stranger = |peer: &Peer| idle(peer) && !endpoint.has_shown_key(peer.connection);
-        let index =
-            (self.peers.iter().position(stranger)).or_else(|| self.peers.iter().position(idle))?;
+        let connection = endpoint.longest_idle()?;
+        let index = (self.peers.iter()).position(|peer| peer.connection == connection)?;
         let mut idle = self.peers.remove(index);
         endpoint.close(idle.connection);
         // Best effort, as for a peer without room.

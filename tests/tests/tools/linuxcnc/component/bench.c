@@ -28,7 +28,7 @@ void sockets_shut(void) {}
 void sockets_close(uint64_t connection) { client.is_present &= connection != client.connection; }
 void sockets_wait(uint64_t connection, long timeout_ns) { (void)connection, (void)timeout_ns; }
 
-void sockets_receive(gt_server *to, const uint64_t *owner)
+void sockets_receive(gt_server *to)
 {
     if (client.says_hello) {
         client.says_hello = 0;
