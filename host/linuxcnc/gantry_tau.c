@@ -41,7 +41,7 @@ RTAPI_MP_INT(port, "port for the client");
 static int udp = 0;
 RTAPI_MP_INT(udp, "1: the client uses UDP datagrams, not a TCP stream");
 static char *key = NULL;
-RTAPI_MP_STRING(key, "key file of the client (gantry-tau key new): nobody else is heard");
+RTAPI_MP_STRING(key, "key file of the client (gantry-tau key new): no other peer is heard");
 static int insecure = 0;
 RTAPI_MP_INT(insecure, "1: without a key, let everybody who reaches an address other than 127.0.0.1 move the machine");
 static int lockstep = 0;

@@ -126,7 +126,7 @@ pub struct Endpoint<const N: usize> {
     transmit: Transmit,
     /// The frame that was made last.
     frame: FrameBytes,
-    /// Its keys; without them everybody who reaches it is heard.
+    /// Its keys; without them every peer is heard.
     #[cfg(feature = "keyed")]
     gate: Option<Gate>,
 }

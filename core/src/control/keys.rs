@@ -1,4 +1,4 @@
-//! Who may speak: tags of frames under shared keys, and cookies that prove a return address.
+//! Authentication: tags of frames under shared keys, and cookies that prove a return address.
 //!
 //! | item | contents |
 //! |---|---|

@@ -336,7 +336,7 @@ enum gt_code
   GT_CODE_CROSSING_NOT_FINITE = 1100,
   // A length to convert is out of range. `upper`: largest magnitude, nm.
   GT_CODE_CROSSING_OUT_OF_RANGE = 1101,
-  // The text is none of a key. `value`: number of the first wrong line.
+  // The text is not that of a key. `value`: number of the first wrong line.
   GT_CODE_KEY_TEXT = 1200,
   // The number of keys is not 1 to GT_MAX_KEYS. `value`: the refused number.
   GT_CODE_KEY_COUNT = 1201,
@@ -1465,8 +1465,8 @@ gt_code gt_server_black_box_part(struct gt_server *server,
 // granted.
 gt_code gt_server_black_box_release(struct gt_server *server);
 
-// Reads the text of a key file, which `gantry-tau key new` makes. Whoever can read the file can move
-// the machine: check its permissions before.
+// Reads the text of a key file, which `gantry-tau key new` makes. A reader of the file can move the
+// machine: check its permissions before.
 //
 // Errors: GT_CODE_KEY_TEXT.
 gt_code gt_key_parse(const uint8_t *text, size_t length, struct gt_key *key, struct gt_error *error);

@@ -154,7 +154,7 @@ pub enum gt_code {
     /// A length to convert is out of range. `upper`: largest magnitude, nm.
     CrossingOutOfRange = 1101,
 
-    /// The text is none of a key. `value`: number of the first wrong line.
+    /// The text is not that of a key. `value`: number of the first wrong line.
     KeyText = 1200,
     /// The number of keys is not 1 to GT_MAX_KEYS. `value`: the refused number.
     KeyCount = 1201,

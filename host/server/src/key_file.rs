@@ -55,7 +55,7 @@ pub enum KeyFileError {
     Text {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The first wrong line.
         error: KeyTextError,
     },
     /// The key cannot be added to those before it.
@@ -74,7 +74,7 @@ pub enum KeyFileError {
 /// Reads a key file.
 ///
 /// # Errors
-/// [`KeyFileError`]: it cannot be read, others may read it, or its text is none of a key.
+/// [`KeyFileError`]: it cannot be read, others may read it, or its text is not that of a key.
 pub fn read(path: &Path) -> Result<Secret, KeyFileError> {
     let failed = |error| KeyFileError::Io {
         path: path.to_owned(),

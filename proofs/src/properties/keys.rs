@@ -341,7 +341,7 @@ pub fn tick_counts_unauthentic<const N: usize>(
     );
 }
 
-/// Where a Hello comes from, and what it is judged by.
+/// Origin of a Hello, and what it is judged by.
 #[derive(Clone, Copy)]
 #[expect(missing_debug_implementations, reason = "a key is not printed")]
 pub struct Greeter<'a, const N: usize> {

@@ -486,7 +486,7 @@ fn state(epoch: u64) -> State<2> {
     }
 }
 
-/// What somebody does with an endpoint with keys.
+/// Act of a peer of an endpoint with keys.
 #[derive(Clone, Debug)]
 enum Move {
     Op(EndpointOp<2>),

@@ -1,4 +1,4 @@
-//! A session under a key, and somebody without it who has recorded all of its frames: what he sends,
+//! A session under a key, and a forger without it who has recorded all of its frames: what he sends,
 //! from the owner's address and from his own, to the server and to the client, changes nothing (T27 to
 //! T29, T31).
 
@@ -128,7 +128,7 @@ impl Scene {
                 Greeted::Answer(answer) => {
                     assert!(answer.len() <= bytes.len(), "T28: the answer is not longer");
                 }
-                Greeted::Peer(_) => panic!("T28: nobody without the key gets a place"),
+                Greeted::Peer(_) => panic!("T28: no peer without the key gets a place"),
             },
         }
     }

@@ -188,7 +188,7 @@ fn forgeries_and_replays_from_the_owners_address_change_nothing() {
     assert!(session.server.non_owner() >= 300 * 12);
 }
 
-/// Strangers get no byte, whatever they send, and cost the owner nothing.
+/// Strangers get no byte for anything that they send, and cost the owner nothing.
 #[test]
 fn strangers_get_no_byte() {
     let mut session = Session::obtaining();

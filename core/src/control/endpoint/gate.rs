@@ -89,7 +89,7 @@ impl fmt::Debug for SessionKey {
 pub enum Greeting {
     /// It is not of a known key, or too many came: no answer.
     Silence,
-    /// Its cookie is none of this peer for the coming session; it is asked to use this one.
+    /// Its cookie is not one of this peer for the coming session; it is asked to use this one.
     Challenge(KeyedHello, Cookie),
     /// Its key may only read.
     ReadOnly(KeyedHello),

@@ -29,7 +29,7 @@ impl fmt::Debug for KeyId {
     }
 }
 
-/// What the holder of a key may do.
+/// Rights of the holder of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(kani, derive(kani::Arbitrary))]

@@ -13,7 +13,7 @@ use super::{Key, Role};
 /// A shared secret, and what its holder may do. `Debug` shows the name of the key.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Secret {
-    /// What its holder may do.
+    /// Rights of its holder.
     pub role: Role,
     /// 32 random bytes.
     pub bytes: [u8; 32],

@@ -58,7 +58,7 @@ impl Diagnostics {
         }
     }
 
-    /// Counts frames that came from nobody who is known.
+    /// Counts frames that are not authentic.
     pub fn count_unauthentic(&mut self, frames: u16) {
         let count = &mut self.counters.non_owner;
         *count = count.saturating_add(u32::from(frames));

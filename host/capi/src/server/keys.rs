@@ -78,10 +78,10 @@ padded! {
 
 impl gt_greeting {
     pub(super) fn new(greeted: Greeted<'_>) -> Self {
-        let nobody = Connection(u64::MAX);
+        let no_connection = Connection(u64::MAX);
         let (what, frame) = match greeted {
-            Greeted::Nothing => (GT_GREETED_NOTHING, gt_frame::new(nobody, &[])),
-            Greeted::Answer(frame) => (GT_GREETED_ANSWER, gt_frame::new(nobody, frame)),
+            Greeted::Nothing => (GT_GREETED_NOTHING, gt_frame::new(no_connection, &[])),
+            Greeted::Answer(frame) => (GT_GREETED_ANSWER, gt_frame::new(no_connection, frame)),
             Greeted::Peer(connection) => (GT_GREETED_PEER, gt_frame::new(connection, &[])),
         };
         Self { what, frame }
@@ -130,8 +130,8 @@ const fn role_of(code: u8) -> Option<Role> {
     }
 }
 
-/// Reads the text of a key file, which `gantry-tau key new` makes. Whoever can read the file can move
-/// the machine: check its permissions before.
+/// Reads the text of a key file, which `gantry-tau key new` makes. A reader of the file can move the
+/// machine: check its permissions before.
 ///
 /// Errors: GT_CODE_KEY_TEXT.
 #[unsafe(no_mangle)]

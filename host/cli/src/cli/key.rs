@@ -29,7 +29,7 @@ impl KeyOption {
 
 /// Make and show the key files of `serve --key` and `client --key`
 ///
-/// Whoever has a file with the role control can move the machine. Give it to the client by a way
+/// The holder of a file with the role control can move the machine. Give it to the client by a way
 /// that others cannot read, for instance scp. No command but `export` prints a secret.
 #[derive(Debug, Args)]
 pub(crate) struct KeyCommand {
@@ -44,7 +44,7 @@ enum Action {
         /// The file; one that is there is not replaced
         #[arg(value_name = "FILE")]
         file: std::path::PathBuf,
-        /// What its holder may do: hold a session, or only read
+        /// Rights of its holder: hold a session, or only read
         #[arg(long, default_value = "control")]
         role: RoleChoice,
     },

@@ -69,7 +69,7 @@ pub(crate) struct Serve {
     /// Answer only clients that have this key (repeatable, up to 4); see `gantry-tau key`
     #[arg(long, value_name = "FILE")]
     key: Vec<InputFile>,
-    /// Let everybody who reaches --listen move the machine: without --key, on an address that is not
+    /// Let every peer that reaches --listen move the machine: without --key, on an address that is not
     /// of this machine alone
     #[arg(long, conflicts_with = "key")]
     insecure: bool,

@@ -54,7 +54,7 @@ fn a_key_is_made_once_and_shown_without_its_secret() {
     folder.run(&["key", "export", "machine.key"]).failure(2);
 }
 
-/// Over both transports: the holder of the key obtains, and nobody else.
+/// Over both transports: the holder of the key obtains, and no other client.
 #[test]
 fn a_server_with_a_key_answers_its_holders_only() {
     for transport in [None, Some("--udp")] {

@@ -59,7 +59,7 @@ impl Listening {
         })
     }
 
-    /// Answers holders of these keys only. Without keys everybody who reaches the address is answered.
+    /// Answers holders of these keys only. Without keys every peer that reaches the address is answered.
     #[must_use]
     pub fn with_keys(self, keyring: Option<Keyring>) -> Self {
         Self { keyring, ..self }

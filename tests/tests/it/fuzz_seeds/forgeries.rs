@@ -1,4 +1,4 @@
-//! Acts of somebody without the key.
+//! Acts of a forger without the key.
 
 use gantry_tau_tests::fuzzed::acts::{
     CUT, FLIP, FLIP_AS_STRANGER, RAW, REFLECT, REPLAY, REPLAY_AS_STRANGER, TICK,
@@ -24,7 +24,7 @@ fn many(kind: u8, number: impl Fn(u16) -> u16) -> Vec<u8> {
         .collect()
 }
 
-/// Bytes of nobody, in an act of their own.
+/// Raw bytes, in an act of their own.
 fn raw(bytes: &[u8]) -> Vec<u8> {
     let length = u16::try_from(bytes.len()).unwrap();
     let end = act(TICK, 1, 0);

@@ -450,7 +450,7 @@ fn run(
     (references, server)
 }
 
-/// Everybody can send from the owner's address: 15 forgeries before each genuine frame, and any number
+/// Any sender can forge the owner's address: 15 forgeries before each genuine frame, and any number
 /// behind it.
 #[test]
 fn forgeries_from_the_owners_address_move_nothing() {
@@ -606,7 +606,7 @@ fn the_suites_do_not_hear_each_other() {
     );
 }
 
-/// Who declines tags is sent States with checksums; the commands have tags.
+/// States of a client that declines tags have checksums; its commands have tags.
 #[test]
 fn a_client_may_decline_the_tags_of_states() {
     let mut server = Server::new(Transport::Datagram);
@@ -687,6 +687,29 @@ fn an_answer_to_another_client_is_not_taken() {
     assert_eq!(client.ignored().broken, 1);
 }
 
+/// A Challenge that comes twice is not answered twice, and one after the Welcome not at all.
+#[test]
+fn a_challenge_is_answered_once() {
+    for transport in TRANSPORTS {
+        let unexpected = Err(ClientError::Unexpected {
+            received: Kind::Challenge,
+        });
+        let (expected, count) = match transport {
+            Transport::Stream => (StdVec::from([unexpected]), 0),
+            Transport::Datagram => (StdVec::new(), 1),
+        };
+        let (mut server, mut client) = (Server::new(transport), client_of(transport, &CONTROL));
+        server.take(&client.hello().unwrap());
+        let (challenge, _) = server.tick();
+        assert_eq!(events(&mut client, &challenge), [Ok(Event::Challenged)]);
+        assert!(client.hello().is_some());
+        assert_eq!(events(&mut client, &challenge), expected);
+        assert_eq!(client.ignored().unexpected, count);
+        let (_, mut client) = obtaining(transport);
+        assert_eq!(events(&mut client, &challenge), expected);
+    }
+}
+
 #[test]
 fn a_client_answers_eight_challenges() {
     let mut client = client_of(Transport::Stream, &CONTROL);
@@ -750,7 +773,7 @@ fn six_proven_peers_are_the_most() {
     assert_eq!(heard, [Ok(Event::Refused(Refusal::Unavailable))]);
 }
 
-/// What a forger does in a tick: with a frame that was sent before, by either side.
+/// Act of a forger, on a frame that either side has sent before.
 #[derive(Clone, Debug)]
 enum Forgery {
     /// Frame and bit.
@@ -771,7 +794,7 @@ fn forgery() -> impl Strategy<Value = Forgery> {
 }
 
 proptest! {
-    /// Without the key nothing is accepted, whoever it comes from: the references are those of a quiet
+    /// Without the key nothing is accepted, from any address: the references are those of a quiet
     /// run.
     #[test]
     fn nothing_forged_is_accepted(

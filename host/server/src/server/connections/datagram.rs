@@ -81,7 +81,7 @@ impl Datagrams {
         owner.map_or(0, |owner| endpoint.frames_of(owner))
     }
 
-    /// Takes a datagram of a peer, or of somebody who may become one.
+    /// Takes a datagram of a peer, or of a sender that may become one.
     fn take<const N: usize>(&mut self, endpoint: &mut Endpoint<N>, from: SocketAddr, bytes: &[u8]) {
         if let Some(peer) = self.peers.iter_mut().find(|peer| peer.address == from) {
             peer.hear(bytes);
