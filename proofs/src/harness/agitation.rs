@@ -26,11 +26,14 @@ fn any_axis() -> AxisConfig {
     axis
 }
 
-/// Any axis whose channels and shadow are within their limits.
+/// Any axis whose channels and shadow are within their limits, without agitation if it has no
+/// budget.
 fn any_state(config: &AxisConfig) -> Axis {
     let axis: Axis = kani::any();
     let limits = &config.limits;
-    let valid = axis.channels.is_valid(limits) && axis.shadow.is_valid(limits);
+    let valid = axis.channels.is_valid(limits)
+        && axis.shadow.is_valid(limits)
+        && (config.agitation.is_some() || axis.agitation == Agitation::ZERO);
     assume!(
         valid,
         axis.is_agitated(config),

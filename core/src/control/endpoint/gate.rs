@@ -158,6 +158,7 @@ impl Gate {
     }
 
     /// Judges a Hello from an address and port, or a [stream](peer_of_stream).
+    #[inline(never)]
     pub fn judge<const N: usize>(
         &mut self,
         sealed: Sealed<'_>,
@@ -202,6 +203,7 @@ impl Gate {
     }
 
     /// Tags an answer to a Hello. Nothing is left of the frame without a Hello and its key.
+    #[inline(never)]
     pub fn tag_answer(&self, hello: Option<&KeyedHello>, frame: &mut FrameBytes) {
         match hello.and_then(|hello| Some((hello, self.keyring.get(hello.key)?))) {
             Some((hello, key)) => frame.tag(key.greeting(), &hello.nonce),
@@ -211,6 +213,7 @@ impl Gate {
 
     /// Derives the key of a session that was just granted, and tags its Welcome. Nothing is left of the
     /// frame without a Hello and its key.
+    #[inline(never)]
     pub fn tag_welcome<const N: usize>(
         &mut self,
         hello: Option<&KeyedHello>,
@@ -254,6 +257,7 @@ impl Gate {
     }
 
     /// Opens a datagram from the owner's address. `None`: it is not the owner's, or not new.
+    #[inline(never)]
     pub fn open_datagram<'a, const N: usize>(
         &mut self,
         bytes: &'a [u8],

@@ -118,6 +118,7 @@ pub fn enclose(answer: Answer, frame: &mut FrameBytes) {
 }
 
 /// Returns the Hello of a connection.
+#[inline(never)]
 pub(super) fn hello_of(slots: &[Slot], connection: Connection) -> Option<&KeyedHello> {
     let slot = slots.iter().find(|slot| slot.connection == connection)?;
     slot.hello.as_ref()

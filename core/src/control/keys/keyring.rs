@@ -117,6 +117,7 @@ impl Keyring {
         super::is_same(cookie, &now) | super::is_same(cookie, &before)
     }
 
+    #[inline(never)]
     fn cookie_of_window(&self, peer: &[u8; 18], nonce: &Nonce, next: Epoch, window: u64) -> Cookie {
         first(
             &self

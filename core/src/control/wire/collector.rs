@@ -78,6 +78,8 @@ impl Collector {
     ///
     /// # Errors
     /// An invalid header.
+    // With keys two deframers' loops call it.
+    #[cfg_attr(feature = "keyed", inline(never))]
     pub fn consume(&mut self, bytes: &[u8]) -> Result<Option<usize>, FrameError> {
         let header_part = self.top_up(bytes, HEADER_LEN);
         let Some(whole) = self.whole_len().transpose()? else {
