@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the firmware for one processor: build.sh m7|m7-small|m4f [arguments of cargo build]. Says which toolchain it took; the last line is
+# Builds the firmware for one processor: build.sh m7|m7-small|m7-keyed|m7-small-keyed|m4f [arguments of cargo build]. Says which toolchain it took; the last line is
 # the folder of the images. `build.sh check` only says which it would take.
 # Exit code 3: something is missing, which a line that begins with SKIPPED names.
 set -euo pipefail
@@ -15,11 +15,14 @@ skip() { printf 'SKIPPED: %s\n' "$*"; exit 3; }
 
 what=${1:-}
 profile=release
+features=()
 case $what in
     check | m7) cpu=cortex-m7 ;;
     m7-small) cpu=cortex-m7 profile=small ;;
+    m7-keyed) cpu=cortex-m7 features=(--features keyed) ;;
+    m7-small-keyed) cpu=cortex-m7 profile=small features=(--features keyed) ;;
     m4f) cpu=cortex-m4 ;;
-    *) echo "usage: build.sh check|m7|m7-small|m4f [arguments of cargo build]" >&2; exit 2 ;;
+    *) echo "usage: build.sh check|m7|m7-small|m7-keyed|m7-small-keyed|m4f [arguments of cargo build]" >&2; exit 2 ;;
 esac
 folder=${GANTRY_TAU_FIRMWARE_TARGET:-$here/target}/$what
 shift
@@ -63,5 +66,5 @@ fi
 echo "firmware for $cpu: $said"
 if [ "$what" = check ]; then exit; fi
 cd "$here"
-"$cargo" build --profile "$profile" --locked --quiet "${standard[@]}" --target $target --target-dir "$folder" "$@"
+"$cargo" build --profile "$profile" --locked --quiet "${standard[@]}" --target $target --target-dir "$folder" "${features[@]}" "$@"
 echo "$folder/$target/$profile"

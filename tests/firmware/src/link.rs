@@ -12,6 +12,7 @@ use gantry_tau_core::units::PositionNm;
 
 use crate::board::timer::Ticks;
 use crate::board::{clock, stack};
+use crate::keys;
 use crate::machine::{
     AXES, AXIS_OF_MOTOR, ControlCycle, CycleInput, Machine, Motion, MotorReferences, Parts, Pose6,
     Unmeasured,
@@ -93,7 +94,7 @@ fn serve(mut ticks: Ticks, sessions: u32) -> Result<bool, LinkError> {
     let parts = Parts::new(cycle, Capabilities::LOCKSTEP, home).map_err(|_| LinkError::Machine)?;
     let place =
         singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit()).ok_or(LinkError::Twice)?;
-    let machine = place.write(Machine::new(parts));
+    let machine = place.write(Machine::new(parts, keys::server));
     let lan = Lan9118::new(PLACE.hardware).map_err(LinkError::Lan)?;
     let storage = singleton!(: Storage = Storage::new()).ok_or(LinkError::Twice)?;
     let mut tcp = Server::new(lan, &PLACE, storage, clock::now().into());

@@ -5,6 +5,8 @@
 
 mod board;
 mod ingress_budget;
+#[cfg_attr(not(feature = "keyed"), path = "no_keys.rs")]
+mod keys;
 mod machine;
 mod recording;
 mod replay;

@@ -14,6 +14,7 @@ use gantry_tau_core::units::PositionNm;
 use crate::board::host::File;
 use crate::board::timer::Ticks;
 use crate::board::{clock, copy, stack};
+use crate::keys;
 use crate::machine::{AXES, ControlCycle, Machine, Meter, Part, Parts};
 use crate::recording::{self, Observer, Room, Sink, Source};
 
@@ -80,7 +81,7 @@ fn machine(nominal: [PositionNm; AXES]) -> Option<&'static mut Machine> {
         return None;
     };
     let place = singleton!(: MaybeUninit<Machine> = MaybeUninit::uninit())?;
-    Some(place.write(Machine::new(parts)))
+    Some(place.write(Machine::new(parts, keys::server)))
 }
 
 impl Source for File {

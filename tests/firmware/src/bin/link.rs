@@ -13,6 +13,9 @@ mod board;
 mod command_line;
 #[path = "../ingress_budget.rs"]
 mod ingress_budget;
+#[cfg_attr(feature = "keyed", path = "../keys.rs")]
+#[cfg_attr(not(feature = "keyed"), path = "../no_keys.rs")]
+mod keys;
 #[path = "../link.rs"]
 mod link;
 #[path = "../machine/mod.rs"]

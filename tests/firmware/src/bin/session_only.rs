@@ -10,6 +10,11 @@ use core::panic::PanicInfo;
 use cortex_m::singleton;
 use cortex_m_rt::entry;
 use gantry_tau_core::control::session::BlackBox;
+#[cfg(feature = "keyed")]
+use gantry_tau_core::control::{
+    endpoint::Budget,
+    keys::{Key, Keyring, Role},
+};
 use gantry_tau_core::units::Epoch;
 use gantry_tau_core::{
     AxisConfig, Config, Endpoint, EpochRange, LimitValues, Limits, MotorMap, Parameters,
@@ -27,6 +32,9 @@ struct Board {
     tick: TickInput<6>,
     transport: Transport,
     bytes: [u8; 64],
+    /// Secrets of this start, and of the key.
+    #[cfg(feature = "keyed")]
+    secrets: [[u8; 32]; 2],
 }
 
 impl Board {
@@ -58,6 +66,8 @@ impl Board {
             },
             transport: Transport::Stream,
             bytes: [0; 64],
+            #[cfg(feature = "keyed")]
+            secrets: [[0x5a; 32], [0xa5; 32]],
         })
     }
 }
@@ -80,6 +90,28 @@ fn main() -> ! {
     }
 }
 
+/// Returns the server of a session.
+#[cfg(not(feature = "keyed"))]
+#[inline(always)]
+fn endpoint(board: &Board, session: Session<6>) -> Endpoint<6> {
+    Endpoint::new(session, board.epochs)
+}
+
+/// Returns the server of a session, with the key of the board.
+#[cfg(feature = "keyed")]
+#[inline(always)]
+fn endpoint(board: &Board, session: Session<6>) -> Endpoint<6> {
+    let [start_secret, secret] = &board.secrets;
+    let mut keyring = Keyring::new(start_secret);
+    // An empty keyring has room.
+    keyring.add(Key::new(secret, Role::Control)).unwrap_or(());
+    let budget = Budget {
+        tags: 4,
+        greetings: 1,
+    };
+    Endpoint::keyed(session, board.epochs, keyring, budget)
+}
+
 /// Starts the server; then opens, feeds, closes and ticks for ever. Behind a black box the compiler
 /// must assume that the board's memory changes and that references and frames are read.
 fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
@@ -87,7 +119,7 @@ fn serve(board: &mut Board, server: &mut MaybeUninit<Server>) -> Option<()> {
     let config = Config::new(board.parameters).ok()?;
     let session = Session::new(config, &board.start).ok()?;
     let motors = MotorMap::<6, 9>::new([0, 0, 1, 1, 2, 2, 3, 4, 5]).ok()?;
-    let (server, recorder) = server.write((Endpoint::new(session, board.epochs), BlackBox::new()));
+    let (server, recorder) = server.write((endpoint(board, session), BlackBox::new()));
     loop {
         let seen = black_box(&mut *board);
         if let Ok(connection) = server.open(seen.transport) {

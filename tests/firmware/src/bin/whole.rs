@@ -17,6 +17,9 @@ use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::Capabilities;
 use gantry_tau_core::units::PositionNm;
 
+#[cfg_attr(feature = "keyed", path = "../keys.rs")]
+#[cfg_attr(not(feature = "keyed"), path = "../no_keys.rs")]
+mod keys;
 #[path = "../machine/mod.rs"]
 mod machine;
 
@@ -64,7 +67,7 @@ fn serve(board: &mut Board, machine: &mut MaybeUninit<Machine>) -> Option<()> {
         ControlCycle::write(singleton!(: MaybeUninit<ControlCycle> = MaybeUninit::uninit())?)
             .ok()?;
     let parts = Parts::new(cycle, Capabilities::NONE, board.nominal).ok()?;
-    let machine = machine.write(Machine::new(parts));
+    let machine = machine.write(Machine::new(parts, keys::server));
     loop {
         let seen = black_box(&mut *board);
         let server = machine.server();

@@ -16,7 +16,7 @@ use gantry_tau_core::control::session::config::Config;
 use gantry_tau_core::control::session::{
     BlackBox, Connection, LastWrite, Output, Reading, Session, Start, TickInput,
 };
-use gantry_tau_core::units::{EpochRange, PositionNm, WrenchSample};
+use gantry_tau_core::units::{PositionNm, WrenchSample};
 
 pub(crate) use control_cycle::{ControlCycle, CycleResult};
 
@@ -168,13 +168,12 @@ impl Parts {
 }
 
 impl Machine {
-    /// Creates the machine, its server without connections. Epochs are not persisted: an emulated
-    /// machine never runs twice.
+    /// Creates the machine, and by `serve` its server, which has no connections.
     // Inlined, so that it is written to its place and never lies on the stack.
     #[inline(always)]
-    pub(crate) const fn new(parts: Parts) -> Self {
+    pub(crate) fn new(parts: Parts, serve: impl FnOnce(Session<AXES>) -> Server) -> Self {
         Self {
-            server: Server::new(parts.session, EpochRange::VOLATILE),
+            server: serve(parts.session),
             motors: parts.motors,
             black_box: BlackBox::new(),
             cycle: parts.cycle,
