@@ -47,5 +47,7 @@ harnesses! {
         let (before, after): (Offsets, Offsets) = (kani::any(), kani::any());
         axis::reference_moves_no_further(&any_axis(), kani::any(), (&before, &after));
     }
+    nominal_step_is_flagged_exactly [minisat, unwind 3] { axis::step_is_exact(kani::any(), kani::any(), &any_axis()); }
+    nominal_that_stands_is_within [minisat, unwind 3] { axis::standing_is_within(kani::any(), &any_axis(), kani::any()); }
     nominal_accel_is_flagged_exactly [minisat, unwind 5] { axis::acceleration_is_exact(kani::any(), kani::any()); }
 }

@@ -1,23 +1,23 @@
 //! Any valid channel, any limits that validation accepts, any target.
 
 use gantry_tau_core::control::channel::{Channel, Limits};
-use gantry_tau_core::units::OffsetNm;
+use gantry_tau_core::units::{ChannelUnit, OffsetNm, TorquePermille};
 
 use super::kani;
 use crate::properties::channel::{
-    Position, change_is_bounded, ramp_is_exact, ramp_lowers_any_bound,
+    Position, change_is_bounded, ramp_is_exact, ramp_lowers_any_bound, value_is_its_count,
 };
 
 /// Any channel that is valid under the limits.
-fn any_channel(limits: &Limits<OffsetNm>) -> Position {
-    let channel = Channel::from_parts(kani::any(), kani::any(), limits);
+fn any_channel<U: ChannelUnit>(value: U, limits: &Limits<U>) -> Channel<U> {
+    let channel = Channel::from_parts(value, kani::any(), limits);
     assume!(channel.is_some(), true, "some channels are valid");
     channel.unwrap_or(Channel::ZERO)
 }
 
 fn any_step_is_bounded(step: impl Fn(Position, &Limits<OffsetNm>) -> Position) {
     let limits: Limits<OffsetNm> = kani::any();
-    let before = any_channel(&limits);
+    let before = any_channel(kani::any(), &limits);
     change_is_bounded(before, step(before, &limits), &limits);
 }
 
@@ -27,10 +27,14 @@ harnesses! {
     channel_ramp_is_bounded [minisat] { any_step_is_bounded(|before, limits| before.ramp(limits)); }
     channel_ramp_is_exact [minisat] {
         let limits: Limits<OffsetNm> = kani::any();
-        ramp_is_exact(any_channel(&limits), &limits);
+        ramp_is_exact(any_channel(kani::any(), &limits), &limits);
     }
     channel_ramp_lowers_any_bound [minisat] {
         let limits: Limits<OffsetNm> = kani::any();
-        ramp_lowers_any_bound(any_channel(&limits), kani::any(), &limits);
+        ramp_lowers_any_bound(any_channel(kani::any(), &limits), kani::any(), &limits);
+    }
+    channel_value_is_its_count [minisat] {
+        let limits: Limits<TorquePermille> = kani::any();
+        value_is_its_count(any_channel(kani::any(), &limits));
     }
 }

@@ -6,7 +6,7 @@ use gantry_tau_core::control::message::{AxisLimits, AxisState};
 use gantry_tau_core::control::session::config::{AxisConfig, MAX_POSITION_NM, NominalAccel};
 use gantry_tau_core::units::{ChannelUnit, PositionNm};
 use gantry_tau_core::verification::control::{
-    Action, Axis, AxisChannels, AxisCommand, drive_reference, nominal_accelerated,
+    Action, Axis, AxisChannels, AxisCommand, drive_reference, nominal_accelerated, nominal_stepped,
 };
 
 /// Limits of the three channels of an axis.
@@ -127,6 +127,10 @@ pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfi
         i32::from(offsets.torque.0) == after.channels.torque.count(),
         "the torque channel fits its unit"
     );
+    assert!(
+        after.nominal == command.nominal,
+        "T3: the nominal reference is noted"
+    );
 }
 
 /// The shadow stays within its limits under any command, and rests at zero without one.
@@ -189,6 +193,24 @@ pub fn reference_moves_no_further(
     assert!(
         no_further,
         "T3: no further than nominal and offset together"
+    );
+}
+
+/// A nominal reference stepped exactly if it moved further than its limit in one cycle, by wider
+/// integers.
+pub fn step_is_exact(from: PositionNm, to: PositionNm, config: &AxisConfig) {
+    let moved = (i128::from(to.0) - i128::from(from.0)).unsigned_abs();
+    assert!(
+        nominal_stepped(from, to, config, 1) == (moved > config.nominal_step_nm.into()),
+        "T3: beyond the limit exactly if it moved further"
+    );
+}
+
+/// A nominal reference that stands is within any limit, over any cycles.
+pub fn standing_is_within(at: PositionNm, config: &AxisConfig, cycles: u32) {
+    assert!(
+        !nominal_stepped(at, at, config, cycles),
+        "T9: what stands has not stepped"
     );
 }
 

@@ -32,6 +32,14 @@ pub fn change_is_bounded<U: ChannelUnit>(
     );
 }
 
+/// What a drive receives of a valid channel is what it counts: its unit holds it.
+pub fn value_is_its_count<U: ChannelUnit>(channel: Channel<U>) {
+    assert!(
+        channel.value().count() == channel.count(),
+        "T3: a valid channel fits its unit"
+    );
+}
+
 /// T5, for one step.
 pub fn ramp_is_exact(before: Position, limits: &Limits<OffsetNm>) {
     is_ramp_step(before, before.ramp(limits), limits);

@@ -57,6 +57,10 @@ pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     } else {
         let stays = matches!(decision.next.phase, Phase::Submit | Phase::Obtain);
         assert!(stays, "T4: one miss never ends a session");
+        assert!(
+            decision.next.misses == u8::from(missed_now),
+            "T4: a miss is remembered for one deadline"
+        );
         let obtains = decision.next.phase == Phase::Obtain;
         if missed_now {
             assert!(
@@ -92,18 +96,21 @@ pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     }
 }
 
-/// T9: a stop leads to Fault from everywhere, and takes the first ramp step at once; nothing leads
-/// out of Fault but a re-arm that was released before, with the stop gone and every channel at
-/// zero; until then nothing follows a target.
+/// T9: a stop, or a path that is at fault, leads to Fault from everywhere, and takes the first ramp
+/// step at once; nothing leads out of Fault but a re-arm that was seen released in it, with the stop
+/// gone and every channel at zero; until then nothing follows a target.
 pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
-    if fsm.stop || fsm.quit {
-        assert!(
-            decision.next.phase == Phase::Fault,
-            "T9: a stop ends in Fault"
-        );
+    let next = &decision.next;
+    if fsm.stop || fsm.quit || fsm.nominal_fault {
+        assert!(next.phase == Phase::Fault, "T9: a stop ends in Fault");
         assert!(decision.action == Action::Ramp, "T9: a stop ramps");
     }
+    let released = next.phase == Phase::Fault && (state.rearm_released || !fsm.rearm);
+    assert!(
+        next.rearm_released == released,
+        "T9: a re-arm is seen released in Fault"
+    );
     if state.phase != Phase::Fault {
         return;
     }

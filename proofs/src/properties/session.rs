@@ -3,15 +3,16 @@
 
 use core::array;
 
-use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::axis::{Offsets, Reference};
 use gantry_tau_core::control::message::{AxisFlags, AxisState, ClientMessage, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, Config};
 use gantry_tau_core::control::session::{
     Event, Input, LastWrite, Output, Session, Start, TickInput,
 };
+use gantry_tau_core::units::{Epoch, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::control::{
-    Accepted, Action, Axis, AxisCommand, Decision, Diagnostics, FsmInput, FsmState, Internals,
-    Known, Order, Rules, carry_out, decide, nominal_accelerated, nominal_stepped, order,
+    Accepted, Action, Axis, AxisChannels, AxisCommand, Decision, Diagnostics, FsmInput, FsmState,
+    Internals, Known, Order, Rules, carry_out, decide, nominal_accelerated, nominal_stepped, order,
 };
 
 use crate::properties::axis::{Bounded, Kind, Ramped};
@@ -128,28 +129,8 @@ fn is_paced<const N: usize>(input: &StepInput<N>) -> bool {
 /// The doors of the decision: it sees what was accepted, the cycle and the drives, and nothing
 /// else; and the order is what it says.
 pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
-    let StepInput {
-        session,
-        tick,
-        accepted,
-        ..
-    } = input;
-    let parts = session.parts();
-    let parameters = session.config().parameters();
-    let known = Known {
-        withheld: parts.withheld,
-        off_path: parts.off_path,
-        paced: parts.paced,
-        refused: input.refused,
-    };
-    let (decision, complete, ordered) = order(
-        parameters,
-        &parts.discrete,
-        &parts.axes,
-        known,
-        tick,
-        accepted,
-    );
+    let (tick, parts) = (&input.tick, input.session.parts());
+    let (decision, complete, ordered) = ordered(input);
     let (fsm, _) = decided_on(input);
     assert!(complete == fsm, "T9: the decision sees what is known");
     let shadow = shadow_of(decision.next.phase, &fsm);
@@ -173,8 +154,26 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     assert!(ordered == expected, "T9: ordered is what is decided");
 }
 
-/// The decision of a whole step is that of [`decide`] on the completed input. Tested, not proved:
-/// with it [`order_is_of_the_decision`] did not end in 4 minutes.
+/// What core decides and orders.
+fn ordered<const N: usize>(input: &StepInput<N>) -> (Decision, FsmInput, Order<N>) {
+    let (session, parts) = (&input.session, input.session.parts());
+    let known = Known {
+        withheld: parts.withheld,
+        off_path: parts.off_path,
+        paced: parts.paced,
+        refused: input.refused,
+    };
+    order(
+        session.config().parameters(),
+        &parts.discrete,
+        &parts.axes,
+        known,
+        &input.tick,
+        &input.accepted,
+    )
+}
+
+/// The decision of a whole step is that of [`decide`] on the completed input.
 pub fn decides_by_the_rules<const N: usize>(input: &StepInput<N>) {
     let before = &input.session;
     let (fsm, rules) = decided_on(input);
@@ -185,6 +184,82 @@ pub fn decides_by_the_rules<const N: usize>(input: &StepInput<N>) {
         "T9: decided by the rules"
     );
 }
+
+/// A step is its parts: the discrete state is that of the decision, the axes and the references are
+/// what the axes made of the order, and what is withheld stays so.
+pub fn step_is_its_parts<const N: usize>(input: &StepInput<N>) {
+    let StepInput {
+        session: before,
+        tick,
+        accepted,
+        ..
+    } = input;
+    let parameters = before.config().parameters();
+    let (decision, _, ordered) = ordered(input);
+    let mut axes = before.parts().axes;
+    let (mut references, mut states) = ([NO_REFERENCE; N], [AxisState::default(); N]);
+    carry_out(
+        parameters,
+        &mut axes,
+        &ordered,
+        tick,
+        accepted,
+        |index, axis, command| {
+            references[index] = match command {
+                Some((command, config)) => axis.act(&command, config, &mut states[index]),
+                None => axis.held(&mut states[index]),
+            };
+        },
+    );
+    let (after, output) = input.step();
+    let parts = after.parts();
+    assert!(
+        parts.discrete == decision.next,
+        "T9: the session goes on as decided"
+    );
+    assert!(parts.axes == axes, "T1: the axes are what they became");
+    assert!(
+        output.references == references,
+        "T3: the references are those of the axes"
+    );
+    let withheld = before.parts().withheld;
+    assert!(
+        parts.withheld == withheld && output.withheld == withheld,
+        "T21: a step changes nothing of what is withheld"
+    );
+    assert!(
+        (parts.off_path, parts.paced) == (ordered.holds, ordered.paced),
+        "T21: off the path if the axes were held"
+    );
+}
+
+/// A tick is its parts: the last write is settled, then the events are classified, then the step is
+/// taken.
+pub fn tick_is_its_parts<const N: usize>(before: &Session<N>, input: &Input<N>) {
+    let mut after = *before;
+    let output = after.tick(input);
+    let (expected, of_parts) = StepInput::after_events(before, input).step();
+    let (one, other) = (after.parts(), expected.parts());
+    assert!(
+        one.discrete == other.discrete && one.axes == other.axes,
+        "T12: a tick is its parts"
+    );
+    assert!(
+        (one.withheld, one.off_path) == (other.withheld, other.off_path),
+        "T12: a tick knows of the drives what its parts know"
+    );
+    assert!(
+        output.references == of_parts.references && output.withheld == of_parts.withheld,
+        "T12: the references of a tick are those of its step"
+    );
+}
+
+/// A reference that every axis replaces.
+const NO_REFERENCE: Reference = Reference {
+    position: PositionNm(0),
+    velocity_offset: VelocityUmS(0),
+    torque_offset: TorquePermille(0),
+};
 
 /// State of an axis, the command to it, and its configuration, as they reach it.
 type Reached = (Axis, Option<(AxisCommand, AxisConfig)>);
@@ -467,6 +542,23 @@ pub fn starts_as_told<const N: usize>(config: Config<N>, start: &Start<N>) {
         !session.parts().discrete.rearm_released,
         "T9: a stuck re-arm leads nowhere"
     );
+    assert!(
+        session.epoch() == Epoch(0),
+        "T23: a server begins before its first epoch"
+    );
+    assert!(are_at_rest(&session), "T2: a server starts at rest");
+}
+
+/// True if no channel of any axis moves.
+fn are_at_rest<const N: usize>(session: &Session<N>) -> bool {
+    session.parts().axes.iter().all(|axis| {
+        let AxisChannels {
+            position,
+            velocity,
+            torque,
+        } = axis.channels;
+        (position.change(), velocity.change(), torque.change()) == (0, 0, 0)
+    })
 }
 
 /// T7, for a whole tick: two inputs that are accepted alike lead to the same references and the
@@ -521,6 +613,23 @@ pub fn settles_any_write<const N: usize>(before: &Session<N>, last_write: &LastW
         let limits = &before.config().parameters().axes[axis].limits;
         in_force.is_some_and(|in_force| limits.admits(&in_force[axis].offsets))
     });
+    let kept = |session: &Session<N>| {
+        let discrete = &session.parts().discrete;
+        let FsmState {
+            epoch,
+            accepted,
+            tick,
+            owner,
+            rearm_released,
+            ..
+        } = *discrete;
+        (epoch, accepted, tick, owner, rearm_released)
+    };
+    assert!(
+        kept(&after) == kept(before),
+        "T23: a write changes no epoch, no sequence and no owner"
+    );
+    assert!(!known || are_at_rest(&after), "T2: goes on at rest");
     assert!(
         after.parts().withheld != known,
         "T12: withheld unless the values in force are known and valid"
@@ -566,6 +675,7 @@ pub fn step_is_right<const N: usize>(input: &StepInput<N>) {
     latch_holds(input);
     order_is_of_the_decision(input);
     decides_by_the_rules(input);
+    step_is_its_parts(input);
     withheld_until_read_back(input);
     counts_decide_nothing(input, &Diagnostics::default());
 }

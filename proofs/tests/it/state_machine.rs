@@ -90,7 +90,9 @@ proptest! {
         order in any::order(), (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
     ) {
         let events = Events::from_slice(&events).unwrap();
-        let input = StepInput::after_events(&session, &Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events });
+        let input = Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events };
+        session::tick_is_its_parts(&session, &input);
+        let input = StepInput::after_events(&session, &input);
         session::step_is_right(&input);
         session::axes_act_by_themselves(&input, &order, &acted);
     }
@@ -140,6 +142,16 @@ proptest! {
     }
 
     #[test]
+    fn one_step_of_the_path(config in any::axis_config(), from: i64, far: i64, cycles: u32) {
+        let limit = i64::from(config.nominal_step_nm);
+        let near = [limit, limit + 1, -limit, -limit - 1].map(|change| from.saturating_add(change));
+        for to in near.into_iter().chain([far]) {
+            axis::step_is_exact(PositionNm(from), PositionNm(to), &config);
+        }
+        axis::standing_is_within(PositionNm(from), &config, cycles);
+    }
+
+    #[test]
     fn one_agitated_tick(
         before in any::agitation(), budget in any::agitation_budget(), far: (i32, i32), near in (-300..300_i32, -300..300_i32),
         refilled in prop_oneof![0..1_000_000_u64, any::<u64>()], slack in 0..3_u64,
@@ -159,6 +171,7 @@ proptest! {
             axis::shadow_is_bounded(&axis, &command, &config, kind);
         }
         agitation::axis_is_counted(&axis, &command, &config);
+        channel::value_is_its_count(axis.channels.torque);
     }
 
     #[test]
