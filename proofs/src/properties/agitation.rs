@@ -12,31 +12,25 @@ fn limit_nm(budget: &AgitationBudget) -> u64 {
     1_000 * u64::from(budget.nm_per_tick.get())
 }
 
-/// History of an Obtain up to a tick: sum of all second differences, and `r` times the ticks; nm.
-/// Numbers of the proof, which core does not have.
+/// What an Obtain has spent up to a tick, nm: the sum of the magnitudes of its second differences, less
+/// `r` for each tick. A number of the proof, which core does not have.
 #[derive(Clone, Copy, Debug)]
-pub struct Spent {
-    /// Sum of the magnitudes of the second differences.
-    pub sum: u64,
-    /// `r n`.
-    pub refilled: u64,
-}
+pub struct Spent(pub i64);
 
 impl Spent {
-    /// The invariant: what was spent is in the sum that core keeps, or was refilled. It holds at the
-    /// first tick of an Obtain, where all three are zero.
+    /// The invariant: core's sum covers what was spent. It holds at the first tick of an Obtain, where
+    /// both are zero.
     #[must_use]
-    pub fn is_covered(&self, agitation: Agitation) -> bool {
-        let covered = u128::from(agitation.0) + u128::from(self.refilled);
-        u128::from(self.sum) <= covered
+    pub fn is_covered(self, agitation: Agitation) -> bool {
+        self.0 <= agitation.0.into()
     }
 }
 
-/// T33, the bound: a tick that does not take the sum above `B` keeps the invariant, and so the
-/// second differences sum up to at most `B + r n`.
+/// T33, the bound: a tick that does not take core's sum above `B` keeps the invariant, and so no more
+/// than `B` is spent: the second differences of `n` ticks sum up to at most `B + r n`.
 pub fn second_differences_are_bounded(
     before: Agitation,
-    spent: &Spent,
+    spent: Spent,
     (from, to): (i32, i32),
     budget: &AgitationBudget,
 ) {
@@ -46,23 +40,22 @@ pub fn second_differences_are_bounded(
         exceeds == (u64::from(after.0) > limit_nm(budget)),
         "T33: the limit is a thousand ticks of r"
     );
-    let second_difference = (i64::from(to) - i64::from(from)).unsigned_abs();
-    let Some(sum) = spent.sum.checked_add(second_difference) else {
-        return;
-    };
-    let Some(refilled) = spent.refilled.checked_add(budget.nm_per_tick.get().into()) else {
+    let second_difference = i64::from(to.abs_diff(from));
+    let Some(spent_after) = (spent.0)
+        .checked_add(second_difference - i64::from(budget.nm_per_tick.get()))
+        .map(Spent)
+    else {
         return;
     };
     if exceeds || !spent.is_covered(before) {
         return;
     }
-    let spent = Spent { sum, refilled };
     assert!(
-        spent.is_covered(after),
+        spent_after.is_covered(after),
         "T33: what is spent is counted, or was refilled"
     );
     assert!(
-        u128::from(sum) <= u128::from(limit_nm(budget)) + u128::from(refilled),
+        u64::try_from(spent_after.0).unwrap_or(0) <= limit_nm(budget),
         "T33: at most B + r n"
     );
 }

@@ -227,7 +227,7 @@ pub fn acceleration_is_exact(places: [PositionNm; 3], limit: NominalAccel) {
         ..Axis::default()
     };
     let [before, last, wide_now] = [before, last, now].map(i128::from);
-    let second_difference = wide_now - 2 * last + before;
+    let second_difference = (wide_now - last) - (last - before);
     let is_beyond = second_difference.unsigned_abs() > limit.nm.get().into();
     assert!(
         nominal_accelerated(&axis, PositionNm(now), limit) == is_beyond,
