@@ -72,14 +72,14 @@ impl<const N: usize> Door<'_, N> {
     #[must_use]
     pub fn is_authentic(&self, frame: &[u8]) -> bool {
         let (_, _, session) = self.gate.parts();
-        let key = match (self.is_owner, self.slot.transport) {
-            (true, _) => session
-                .filter(|key| key.epoch == self.session.epoch())
-                .map(|session| &session.key),
-            (false, Transport::Stream) => key_of(self.keyring, frame).map(Key::greeting),
-            (false, Transport::Datagram) => None,
-        };
-        suite_of(frame) == Some(1) && key.is_some_and(|key| has_tag(frame, key, &[]))
+        let is_tagged = |key: &MacKey| suite_of(frame) == Some(1) && has_tag(frame, key, &[]);
+        if self.is_owner {
+            return session.is_some_and(|session| {
+                session.epoch == self.session.epoch() && is_tagged(&session.key)
+            });
+        }
+        self.slot.transport == Transport::Stream
+            && key_of(self.keyring, frame).is_some_and(|key| is_tagged(key.greeting()))
     }
 }
 

@@ -1,16 +1,20 @@
 //! Motion, modes and loops by other engines: Pinocchio, MuJoCo and SciPy judge what `gantry-tau
-//! solve` says of random states of each machine.
+//! solve` says of random states of each machine. Tags by other implementations of HMAC: Python's,
+//! `cryptography`'s and openssl's.
 //!
-//! Their Python is that of `target/engines`, where `.ci/run` installs the packages `pin`, `mujoco`
-//! and `scipy` of PyPI, or else `python3`. Without them trials are reported as ignored; with
-//! `GANTRY_TAU_REQUIRE_ENGINES=1` they fail instead.
+//! Their Python is that of `target/engines`, where `.ci/run` installs the packages `pin`, `mujoco`,
+//! `scipy` and `cryptography` of PyPI, or else `python3`. Without them trials are reported as
+//! ignored; with `GANTRY_TAU_REQUIRE_ENGINES=1` they fail instead.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
-use std::path::Path;
+mod tags;
+
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use libtest_mimic::{Failed, Trial};
 
+use crate::capi::tools::has;
 use crate::firmware::program;
 use crate::python_packages::python_with;
 
@@ -20,27 +24,53 @@ const ENGINES: [(&str, &str, &str); 3] = [
     ("mujoco", "of_mujoco.py", "mujoco, numpy"),
     ("scipy", "of_scipy.py", "scipy, numpy"),
 ];
+/// Implementations of HMAC.
+const TAGS: [&str; 3] = ["hmac", "cryptography", "openssl"];
 const ROBOTS: [&str; 3] = ["l2", "f1", "l2-stiff"];
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
-    ENGINES
-        .iter()
-        .map(|&(engine, script, packages)| {
-            let name = format!("engines::{engine}_moves_the_machines_alike");
-            if let Some(python) = python_with("engines", packages) {
-                return Trial::test(name, move || judge(&python, script));
-            }
-            let missing = format!("{packages} of PyPI missing");
-            if std::env::var_os("GANTRY_TAU_REQUIRE_ENGINES").is_some_and(|value| value == "1") {
-                let said = Failed::from(&missing);
-                return Trial::test(name, || Err(said)).with_kind(missing);
-            }
-            Trial::test(name, || Ok(()))
-                .with_kind(missing)
-                .with_ignored_flag(true)
+    let motion = ENGINES.iter().map(|&(engine, script, packages)| {
+        let name = format!("engines::{engine}_moves_the_machines_alike");
+        let python = python_with("engines", packages).ok_or(format!("{packages} of PyPI missing"));
+        trial(name, python, move |python| judge(python, script))
+    });
+    let tags = TAGS.iter().map(|&implementation| {
+        let name = format!("engines::{implementation}_computes_the_same_tags");
+        trial(name, python_of(implementation), move |python| {
+            tags::judge(python, implementation)
         })
-        .collect()
+    });
+    motion.chain(tags).collect()
+}
+
+/// Returns the Python that has an implementation of HMAC, or what is missing.
+fn python_of(implementation: &str) -> Result<PathBuf, String> {
+    let package = match implementation {
+        "openssl" if !has("openssl") => return Err("openssl missing".to_owned()),
+        "openssl" => "hmac",
+        package => package,
+    };
+    python_with("engines", package).ok_or(format!("{package} of Python missing"))
+}
+
+/// Makes a trial that is ignored, or fails where it is required, if its Python is missing.
+fn trial(
+    name: String,
+    python: Result<PathBuf, String>,
+    judge: impl FnOnce(&Path) -> Result<(), Failed> + Send + 'static,
+) -> Trial {
+    let missing = match python {
+        Ok(python) => return Trial::test(name, move || judge(&python)),
+        Err(missing) => missing,
+    };
+    if std::env::var_os("GANTRY_TAU_REQUIRE_ENGINES").is_some_and(|value| value == "1") {
+        let said = Failed::from(&missing);
+        return Trial::test(name, || Err(said)).with_kind(missing);
+    }
+    Trial::test(name, || Ok(()))
+        .with_kind(missing)
+        .with_ignored_flag(true)
 }
 
 fn judge(python: &Path, script: &str) -> Result<(), Failed> {

@@ -17,19 +17,31 @@ pub(crate) enum Build {
     M7,
     /// The same, as small as it gets.
     M7Small,
+    /// Cortex-M7, with keys.
+    M7Keyed,
+    /// The same, as small as it gets.
+    M7SmallKeyed,
     /// Cortex-M4 with a single FPU; doubles are computed with integers.
     M4f,
 }
 
 impl Build {
     /// All variants.
-    pub(crate) const ALL: [Self; 3] = [Self::M7, Self::M7Small, Self::M4f];
+    pub(crate) const ALL: [Self; 5] = [
+        Self::M7,
+        Self::M7Small,
+        Self::M7Keyed,
+        Self::M7SmallKeyed,
+        Self::M4f,
+    ];
 
     /// Returns the name of `build.sh`.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::M7 => "m7",
             Self::M7Small => "m7-small",
+            Self::M7Keyed => "m7-keyed",
+            Self::M7SmallKeyed => "m7-small-keyed",
             Self::M4f => "m4f",
         }
     }
@@ -37,7 +49,7 @@ impl Build {
     /// Returns the emulator's name of its board.
     pub(crate) const fn machine(self) -> &'static str {
         match self {
-            Self::M7 | Self::M7Small => "mps2-an500",
+            Self::M7 | Self::M7Small | Self::M7Keyed | Self::M7SmallKeyed => "mps2-an500",
             Self::M4f => "mps2-an386",
         }
     }

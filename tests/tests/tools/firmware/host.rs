@@ -11,8 +11,9 @@ use gantry_tau_core::model::{f1, l2};
 use gantry_tau_machine::robot_file::RobotFile;
 
 use super::machine::{AXES, ControlCycle, CycleResult, Machine, Meter, Parts, robots};
+use super::no_keys;
 use super::recording::{self, MAX_RECORD, Observer, Record, Room, Sink, Source};
-use super::traffic;
+use super::traffic::{self, Serve};
 
 /// Outcome of a recording.
 pub(crate) struct Played {
@@ -29,6 +30,8 @@ pub(crate) struct Seen {
     pub(crate) phases: Vec<Phase>,
     /// Its floats.
     pub(crate) floats: Vec<Floats>,
+    /// Most frames of non-owners that a State counted.
+    pub(crate) not_authentic: u32,
 }
 
 /// Kinematics of a cycle.
@@ -50,17 +53,19 @@ pub(crate) fn control_cycle() -> &'static mut ControlCycle {
     ControlCycle::write(Box::leak(Box::new(MaybeUninit::uninit()))).unwrap()
 }
 
-/// Plays a recording.
-pub(crate) fn play(recording: &[u8]) -> Played {
-    try_play(recording).expect("the recording is valid")
+/// Plays a recording on a server.
+pub(crate) fn play(recording: &[u8], serve: Serve) -> Played {
+    try_play(recording, serve).expect("the recording is valid")
 }
 
 /// Plays a recording; `None` if it is invalid.
-fn try_play(recording: &[u8]) -> Option<Played> {
+fn try_play(recording: &[u8], serve: Serve) -> Option<Played> {
     let (mut source, mut room) = (Bytes(recording), Room::EMPTY);
     let nominal = recording::start(&mut room, &mut source)?;
-    let mut machine =
-        Machine::new(Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap());
+    let mut machine = Machine::new(
+        Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap(),
+        serve,
+    );
     let (mut output, mut seen) = (Vec::new(), Seen::default());
     recording::play(&mut machine, &mut room, &mut source, &mut output, &mut seen)?;
     assert!(source.0.is_empty(), "nothing follows the end");
@@ -102,15 +107,17 @@ impl Observer for Seen {
     }
 
     fn ticked(&mut self, output: Option<&Output<AXES>>, _: &[Connection]) {
-        self.phases.push(output.unwrap().state.phase);
+        let state = &output.unwrap().state;
+        self.phases.push(state.phase);
+        self.not_authentic = self.not_authentic.max(state.counters.non_owner);
     }
 }
 
 /// A recording leads to the outcome of the live play.
 pub(crate) fn recordings_replay() {
-    for recording in traffic::all() {
+    for recording in traffic::all().into_iter().chain(traffic::keyed()) {
         assert!(
-            play(&recording.bytes).output == recording.output,
+            play(&recording.bytes, recording.serve).output == recording.output,
             "{}: played otherwise than recorded",
             recording.name
         );
@@ -120,7 +127,7 @@ pub(crate) fn recordings_replay() {
 /// True if a recording is played that has `more` before its first cycle.
 fn is_played(begun: &[u8], more: &[u8], cycle: &[u8]) -> bool {
     let end = traffic::encode(&Record::End);
-    try_play(&[begun, more, cycle, &end].concat()).is_some()
+    try_play(&[begun, more, cycle, &end].concat(), no_keys::server).is_some()
 }
 
 /// Playback refuses a cycle in which more arrives than its budget, and what is not a recording.
@@ -152,7 +159,11 @@ pub(crate) fn excess_is_refused() {
     // exist.
     for kept in 0..cycle.len() {
         assert!(
-            try_play(&[start, open, hello, &cycle[..kept]].concat()).is_none(),
+            try_play(
+                &[start, open, hello, &cycle[..kept]].concat(),
+                no_keys::server
+            )
+            .is_none(),
             "{kept} bytes of a cycle"
         );
     }
@@ -164,7 +175,10 @@ pub(crate) fn excess_is_refused() {
         assert!(!is_played(&begun, &damaged, cycle), "byte {at} of a cycle");
     }
     assert!(!is_played(&begun, open, cycle), "a second connection");
-    assert!(try_play(&[start, open].concat()).is_none(), "no end");
+    assert!(
+        try_play(&[start, open].concat(), no_keys::server).is_none(),
+        "no end"
+    );
 }
 
 /// The constants of the firmware, which reads no files, are those of the files.
@@ -205,7 +219,7 @@ pub(crate) fn same_mathematics() {
             .parse::<toml::Table>()
             .unwrap()
     });
-    for name in ["libm", "nalgebra", "simba", "crc32fast", "heapless"] {
+    for name in ["libm", "nalgebra", "simba", "crc32fast", "heapless", "sha2"] {
         let [host, firmware] = [&host, &firmware].map(|lock| {
             let packages = lock["package"].as_array().unwrap().iter();
             let versions = packages.filter(|package| package["name"].as_str() == Some(name));

@@ -2,15 +2,22 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSection, ObjectSymbol};
 
 use super::budget;
 use super::emulator::{Build, images};
 
-/// Images that are measured and free of panics; the others have a network, or a panic on purpose.
-const IMAGES: [&str; 4] = ["firmware", "whole", "session_only", "labcomm"];
+/// Returns the images of a build that are measured and free of panics; the others have a network, or a
+/// panic on purpose. LabComm and kinematics are the same with keys.
+const fn measured(build: Build) -> &'static [&'static str] {
+    match build {
+        Build::M7Keyed => &["firmware", "session_only"],
+        Build::M7SmallKeyed => &["session_only"],
+        _ => &["firmware", "whole", "session_only", "labcomm"],
+    }
+}
 
 /// Parts of the mangled names of functions that panic.
 const PANICS: [&str; 3] = ["panicking", "panic_", "_fail"];
@@ -34,10 +41,20 @@ pub(crate) fn panics(image: &Path) -> Vec<String> {
     panics.collect()
 }
 
+/// Builds the measured images; returns their folder.
+pub(crate) fn all(build: Build) -> PathBuf {
+    let bins: Vec<String> = measured(build)
+        .iter()
+        .map(|image| format!("--bin={image}"))
+        .collect();
+    let bins: Vec<&str> = bins.iter().map(String::as_str).collect();
+    images(build, &bins)
+}
+
 pub(crate) fn no_panic() {
     for build in Build::ALL {
-        let folder = images(build, &[]);
-        for image in IMAGES {
+        let folder = all(build);
+        for image in measured(build) {
             let found = panics(&folder.join(image));
             assert_eq!(found, [""; 0], "{image} of {}: nm -C", build.name());
         }
@@ -63,12 +80,10 @@ pub(crate) fn text(image: &Path) -> i64 {
 
 pub(crate) fn sizes() {
     for build in Build::ALL {
-        let folder = images(build, &[]);
+        let folder = all(build);
         // LabComm is measured where size is asked for.
-        for image in IMAGES
-            .into_iter()
-            .filter(|image| *image != "labcomm" || build == Build::M7Small)
-        {
+        let images = measured(build).iter();
+        for image in images.filter(|image| **image != "labcomm" || build == Build::M7Small) {
             let bytes = fs::read(folder.join(image)).unwrap();
             let file = object::File::parse(&*bytes).unwrap();
             let measured =

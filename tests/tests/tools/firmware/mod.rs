@@ -22,9 +22,13 @@ mod host;
 mod image;
 #[path = "../../../firmware/src/ingress_budget.rs"]
 mod ingress_budget;
+#[path = "../../../firmware/src/keys.rs"]
+mod keys;
 mod link;
 #[path = "../../../firmware/src/machine/mod.rs"]
 mod machine;
+#[path = "../../../firmware/src/no_keys.rs"]
+mod no_keys;
 mod process;
 #[path = "../../../firmware/src/recording.rs"]
 mod recording;
@@ -56,6 +60,11 @@ const ON_TARGET: &[(&str, fn())] = &[
     ("m7_is_bit_equal_in_hostile_traffic", || {
         is_bit_equal(Build::M7, traffic::hostile())
     }),
+    ("m7_with_keys_is_bit_equal", || {
+        for recording in traffic::keyed() {
+            is_bit_equal(Build::M7Keyed, recording);
+        }
+    }),
     ("a_changed_bit_is_seen", replay::a_changed_bit_is_seen),
     ("the_log_tells_the_session", replay::log_tells_the_session),
     (
@@ -84,6 +93,10 @@ const ON_HOST: &[(&str, fn())] = &[
     (
         "recordings_show_every_phase",
         traffic::recordings_show_every_phase,
+    ),
+    (
+        "recordings_with_keys_show_strangers",
+        traffic::recordings_with_keys_show_strangers,
     ),
     (
         "the_f1_turns_far_and_recovers",

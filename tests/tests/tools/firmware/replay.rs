@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::budget::{self, Measured};
 use super::emulator::{self, Build};
 use super::host;
+use super::image;
 use super::recording::Record;
 use super::traffic::{self, Recording};
 
@@ -42,7 +43,7 @@ pub(crate) fn a_changed_bit_is_seen() {
         "the bit is seen, and where it is"
     );
     assert_eq!(
-        first_difference(&played.output, &host::play(&bytes).output),
+        first_difference(&played.output, &host::play(&bytes, recording.serve).output),
         None
     );
 }
@@ -69,7 +70,7 @@ pub(crate) fn log_tells_the_session() {
 
 /// Compares every reference, every frame and every float, and judges the cost.
 pub(crate) fn is_bit_equal(build: Build, recording: &Recording) {
-    let measured = measure(build, &emulator::images(build, &[]), recording);
+    let measured = measure(build, &image::all(build), recording);
     budget::judge(build, recording.name, &measured);
 }
 
@@ -77,7 +78,7 @@ pub(crate) fn is_bit_equal(build: Build, recording: &Recording) {
 /// cost and a digest of the output.
 pub(crate) fn measure(build: Build, images: &Path, recording: &Recording) -> Measured {
     let played = play(build, images, recording.name, &recording.bytes);
-    let expected = host::play(&recording.bytes).output;
+    let expected = host::play(&recording.bytes, recording.serve).output;
     if let Some(at) = first_difference(&played.output, &expected) {
         panic!(
             "{} on {}: differs from the host from byte {at} of {}",
@@ -92,7 +93,7 @@ pub(crate) fn measure(build: Build, images: &Path, recording: &Recording) -> Mea
         build.name(),
         expected.len()
     );
-    let mut measured = played.laps.measured(&recording.f1);
+    let mut measured = played.laps.measured(recording);
     measured.insert(
         "output_crc32".to_owned(),
         i64::from(gantry_tau_tests::client::crc32(&expected)),
@@ -153,18 +154,33 @@ impl Laps {
         }
     }
 
-    /// Returns worst and mean of each part, for each machine.
-    fn measured(&self, f1: &[bool]) -> Measured {
-        assert_eq!(self.ticks.len(), f1.len());
+    /// Returns worst and mean of each part, for each machine. A tick that greets under a key counts by
+    /// itself.
+    fn measured(&self, recording: &Recording) -> Measured {
+        let Recording { f1, greetings, .. } = recording;
+        assert_eq!(
+            (self.ticks.len(), self.ticks.len()),
+            (f1.len(), greetings.len())
+        );
         let mut measured = BTreeMap::from([
             ("stack_start".to_owned(), i64::from(self.stack[0])),
             ("stack_ticks".to_owned(), i64::from(self.stack[1])),
         ]);
         for (machine, is_f1) in [("l2", false), ("f1", true)] {
-            let ticks = self.ticks.iter().zip(f1).filter(|(_, f1)| **f1 == is_f1);
-            let ticks: Vec<[u32; 3]> = ticks.map(|(parts, _)| *parts).collect();
+            let of_machine = self.ticks.iter().zip(f1.iter().zip(greetings));
+            let of_machine = of_machine.filter(|(_, (f1, _))| **f1 == is_f1);
+            let (greetings, ticks): (Vec<_>, Vec<_>) =
+                of_machine.partition(|(_, (_, greets))| **greets);
+            let ticks: Vec<[u32; 3]> = ticks.iter().map(|(parts, _)| **parts).collect();
             if ticks.is_empty() {
                 continue;
+            }
+            if let Some(worst) = greetings
+                .iter()
+                .map(|(parts, _)| parts.iter().sum::<u32>())
+                .max()
+            {
+                measured.insert(format!("{machine}_greeting_worst"), worst.into());
             }
             for (what, of) in PARTS {
                 let worst = ticks.iter().map(of).max().unwrap();

@@ -9,10 +9,11 @@ use gantry_tau_tests::client::Noise;
 use super::recorder::{Recorder, along, pushing};
 use super::{CYCLES, Recording};
 use crate::firmware::machine::{AXES, CycleInput, Motion};
+use crate::firmware::no_keys;
 
 /// A session whose cable is pulled; then a second one, which ends with a Goodbye.
 pub(super) fn record(name: &'static str, motion: Motion) -> Recording {
-    let mut recorder = Recorder::new(motion, along(motion, 0));
+    let mut recorder = Recorder::new(motion, along(motion, 0), no_keys::server);
     let mut noise = Noise::new(7);
     let mut client: Option<(Connection, Client<AXES>)> = None;
     while recorder.cycles < CYCLES {

@@ -13,6 +13,7 @@ use gantry_tau_tests::client::{Noise, enclose};
 use super::recorder::{Recorder, along, pushing};
 use super::{CYCLES, Recording};
 use crate::firmware::machine::{AXES, CycleInput, Motion};
+use crate::firmware::no_keys;
 
 /// Measurements that no drive has.
 const ACTUAL: Actual = Actual {
@@ -26,7 +27,7 @@ const BURST: usize = 1_024;
 /// Operations of the fuzzer's scenarios, and bursts between them.
 pub(super) fn record() -> Recording {
     let mut peers = HostilePeers {
-        recorder: Recorder::new(Motion::L2, along(Motion::L2, 0)),
+        recorder: Recorder::new(Motion::L2, along(Motion::L2, 0), no_keys::server),
         noise: Noise::new(2_013),
         clients: [None; 2],
         others: Vec::new(),

@@ -2,6 +2,7 @@
 
 mod calm;
 mod hostile;
+mod keyed;
 mod recorder;
 mod socket;
 
@@ -10,9 +11,12 @@ use std::sync::OnceLock;
 
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::Phase;
+use gantry_tau_core::control::session::Session;
 
 use super::host::{Floats, play};
-use super::machine::Motion;
+use super::machine::{AXES, Motion, Server};
+use keyed::Terms;
+
 use super::recording::{MAX_RECORD, Record, transfer};
 
 /// Cycles of a recording.
@@ -28,7 +32,14 @@ pub(crate) struct Recording {
     pub(crate) output: Vec<u8>,
     /// For every cycle: true if its floats are those of the F1.
     pub(crate) f1: Vec<bool>,
+    /// For every cycle: true if it greets under a key: no session runs, or one is granted.
+    pub(crate) greetings: Vec<bool>,
+    /// Its server.
+    pub(crate) serve: Serve,
 }
+
+/// Maker of the server of a session.
+pub(crate) type Serve = fn(Session<AXES>) -> Server;
 
 /// Two calm sessions with the L2's kinematics; the first ends with a pulled cable.
 pub(crate) fn calm() -> &'static Recording {
@@ -46,6 +57,28 @@ pub(crate) fn calm_f1() -> &'static Recording {
 pub(crate) fn hostile() -> &'static Recording {
     static MADE: OnceLock<Recording> = OnceLock::new();
     MADE.get_or_init(hostile::record)
+}
+
+/// Sessions under a key: of the L2 with and without tags of States, of the F1, and one that strangers
+/// disturb.
+pub(crate) fn keyed() -> &'static [Recording; 4] {
+    static MADE: OnceLock<[Recording; 4]> = OnceLock::new();
+    let terms = [
+        ("commands", Motion::L2, false, false),
+        ("calm", Motion::L2, true, false),
+        ("calm_f1", Motion::F1, true, false),
+        ("hostile", Motion::L2, true, true),
+    ];
+    MADE.get_or_init(|| {
+        terms.map(|(name, motion, tags_states, strangers)| {
+            keyed::record(&Terms {
+                name,
+                motion,
+                tags_states,
+                strangers,
+            })
+        })
+    })
 }
 
 /// Returns a record as it stands in a recording.
@@ -83,7 +116,7 @@ fn ticks_in(phases: &[Phase], phase: Phase) -> usize {
 /// The recordings reach every phase.
 pub(crate) fn recordings_show_every_phase() {
     for recording in [calm(), calm_f1()] {
-        let phases = play(&recording.bytes).seen.phases;
+        let phases = play(&recording.bytes, recording.serve).seen.phases;
         assert_eq!(phases.len(), 10_000);
         assert!(ticks_in(&phases, Phase::Obtain) > 5_000);
         for phase in [Phase::Listening, Phase::Submit, Phase::SafeDisconnect] {
@@ -94,7 +127,7 @@ pub(crate) fn recordings_show_every_phase() {
             );
         }
     }
-    let phases = play(&hostile().bytes).seen.phases;
+    let phases = play(&hostile().bytes, hostile().serve).seen.phases;
     assert!(phases.len() >= 10_000);
     for phase in [
         Phase::Listening,
@@ -110,10 +143,34 @@ pub(crate) fn recordings_show_every_phase() {
     }
 }
 
+/// Under a key sessions run as they do without one, strangers or not; who has no key is counted.
+pub(crate) fn recordings_with_keys_show_strangers() {
+    for recording in keyed() {
+        let seen = play(&recording.bytes, recording.serve).seen;
+        let obtained = ticks_in(&seen.phases, Phase::Obtain);
+        println!(
+            "{}: {obtained} ticks in Obtain, {} not authentic",
+            recording.name, seen.not_authentic
+        );
+        assert!(
+            obtained > 5_000,
+            "{}: {obtained} ticks in Obtain",
+            recording.name
+        );
+        let is_disturbed = seen.not_authentic > 300;
+        assert_eq!(
+            is_disturbed,
+            recording.name == "hostile",
+            "{}",
+            recording.name
+        );
+    }
+}
+
 /// The hostile recording has the deepest cycles of the F1: plates beyond a quarter turn, whose sine
 /// is reduced first, and results after an error.
 pub(crate) fn the_f1_turns_far_and_recovers() {
-    let floats = play(&hostile().bytes).seen.floats;
+    let floats = play(&hostile().bytes, hostile().serve).seen.floats;
     let far = floats
         .iter()
         .filter(|one| matches!(one, Floats::F1 { turned_rad } if *turned_rad > FRAC_PI_2))

@@ -6,11 +6,12 @@ use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::endpoint::Transport;
 use gantry_tau_core::control::message::{Capabilities, Command, Mode, Phase};
 use gantry_tau_core::control::session::{Connection, Output, Reading, Session};
+use gantry_tau_core::control::wire::Suite;
 use gantry_tau_core::units::{OffsetNm, Sequence};
 use gantry_tau_tests::client::Noise;
 
-use super::Recording;
 use super::socket::Socket;
+use super::{Recording, Serve};
 use crate::firmware::host::control_cycle;
 use crate::firmware::ingress_budget::IngressBudget;
 use crate::firmware::machine::{
@@ -26,6 +27,8 @@ pub(super) struct Recorder {
     pub(super) cycles: u32,
     outcome: Vec<u8>,
     f1: Vec<bool>,
+    greetings: Vec<bool>,
+    serve: Serve,
     sockets: BTreeMap<Connection, Socket>,
     budget: IngressBudget,
     /// The non-owner that is read in this cycle.
@@ -77,7 +80,7 @@ impl Sink for Outcome {
 }
 
 impl Recorder {
-    pub(super) fn new(motion: Motion, pose: Pose6) -> Self {
+    pub(super) fn new(motion: Motion, pose: Pose6, serve: Serve) -> Self {
         let mut input = CycleInput::on_time(motion, pose);
         let nominal = control_cycle().run(&input).nominal();
         let nominal = nominal.unwrap();
@@ -85,11 +88,14 @@ impl Recorder {
         let mut recorder = Self {
             machine: Machine::new(
                 Parts::new(control_cycle(), Capabilities::NONE, nominal).unwrap(),
+                serve,
             ),
             bytes: Vec::new(),
             cycles: 0,
             outcome: Vec::new(),
             f1: Vec::new(),
+            greetings: Vec::new(),
+            serve,
             sockets: BTreeMap::new(),
             budget: IngressBudget::default(),
             turn: None,
@@ -106,6 +112,8 @@ impl Recorder {
             bytes: self.bytes,
             output: self.outcome,
             f1: self.f1,
+            greetings: self.greetings,
+            serve: self.serve,
         }
     }
 
@@ -169,6 +177,11 @@ impl Recorder {
         self.outcome.extend(outcome.bytes);
         self.cycles += 1;
         self.f1.push(self.seen.is_f1);
+        let greets = self.output().is_some_and(|output| {
+            output.welcome.is_some() || output.state.phase == Phase::Listening
+        });
+        let is_keyed = self.machine.server().suite() == Suite::Tag;
+        self.greetings.push(greets && is_keyed);
         let closed = self.seen.closed.clone();
         self.sockets
             .retain(|connection, _| !closed.contains(connection));
