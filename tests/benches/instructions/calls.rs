@@ -65,6 +65,11 @@ pub(crate) const CALLS: &[Call] = &[
     ),
     call("grant_keyed", Some(95_000), keyed::grant),
     call("greet_forged", Some(8_000), keyed::greet_forged),
+    call(
+        "greet_forged_first",
+        Some(8_000),
+        keyed::greet_forged_in_its_first_byte,
+    ),
     call("greet_garbage", Some(60), keyed::greet_garbage),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(8_000), ethercat::exchange),
@@ -77,6 +82,9 @@ pub(crate) const CALLS: &[Call] = &[
     call("labcomm_read_force", Some(150), labcomm_read_force),
     call("labcomm_decode_force", None, labcomm_decode_force),
 ];
+
+/// Calls that cost the same to the instruction: what a wrong tag costs does not say where it is wrong.
+pub(crate) const ALIKE: [(&str, &str); 1] = [("greet_forged", "greet_forged_first")];
 
 /// Makes the call of this name.
 pub(crate) fn run(name: &str) {

@@ -9,7 +9,7 @@ use gantry_tau_core::control::message::{
     Capabilities, ClientMessage, Command, Hello, KeyedHello, Mode, Phase,
 };
 use gantry_tau_core::control::session::Connection;
-use gantry_tau_core::control::wire::{FrameBytes, Kind, enclose, encode_client};
+use gantry_tau_core::control::wire::{FrameBytes, Kind, TAG_LEN, enclose, encode_client};
 use gantry_tau_core::units::{Epoch, EpochRange, Sequence, Tick};
 use gantry_tau_core::{OffsetNm, Offsets, PositionNm, Session, Start};
 use gantry_tau_tests::server_fixture;
@@ -172,12 +172,22 @@ pub(super) fn grant() {
     assert_eq!(endpoint.session().phase(), Phase::Handshake);
 }
 
-/// A Hello with a wrong tag.
+/// A Hello whose tag is wrong in its last byte.
 pub(super) fn greet_forged() {
+    greet_forged_in(TAG_LEN - 1);
+}
+
+/// A Hello whose tag is wrong in its first byte.
+pub(super) fn greet_forged_in_its_first_byte() {
+    greet_forged_in(0);
+}
+
+fn greet_forged_in(byte: usize) {
     let mut endpoint = listening();
     let mut forged = client().hello().unwrap().to_vec();
-    if let Some(last) = forged.last_mut() {
-        *last ^= 1;
+    let tag = forged.len() - TAG_LEN;
+    if let Some(wrong) = forged.get_mut(tag + byte) {
+        *wrong ^= 1;
     }
     let forged = black_box(forged);
     let greeted = measured(|| endpoint.greet(&PEER, &forged) == Greeted::Nothing);

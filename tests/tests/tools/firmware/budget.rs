@@ -56,7 +56,11 @@ pub(crate) fn judge(build: Build, subject: &str, measured: &Measured) {
     let subjects = section(&mut file, "measured").clone();
     let goals = section(&mut file, "goals");
     let stray = goals.keys().find(|goal| !subjects.contains_key(*goal));
-    assert_eq!(stray, None, "sizes.toml has a goal of nothing measured");
+    // One that is measured later has no row yet.
+    assert!(
+        recording() || stray.is_none(),
+        "sizes.toml has a goal of nothing measured: {stray:?}"
+    );
     let goals = goals.get(key).cloned();
     for (name, goal) in goals.iter().filter_map(Value::as_table).flatten() {
         let (value, goal) = (measured[name], goal.as_integer().unwrap());
