@@ -35,6 +35,7 @@ mod oracle_vectors;
 mod oscillation;
 mod panic_free;
 mod places;
+mod planner;
 mod quit;
 mod settling;
 mod six_axes;
