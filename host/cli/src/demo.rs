@@ -9,6 +9,8 @@ mod sampler;
 mod scenario;
 mod table;
 
+use std::path::PathBuf;
+
 use gantry_tau_core::control::position_loop::config::LoopConfig;
 use gantry_tau_core::model::kinematics::Pose;
 use gantry_tau_machine::dynamics::{MassiveMachine, Modes};
@@ -47,6 +49,8 @@ pub struct DemoOptions<K, const N: usize> {
     pub robot: RobotFile<K, N>,
     /// The machine as the client knows it: that of [`robot`](Self::robot), or of another file.
     pub client: RobotFile<K, N>,
+    /// Path of the key file of server and client, if frames are to have tags.
+    pub key: Option<PathBuf>,
     /// Real time or lock-step.
     pub pace: PaceChoice,
     /// Largest force, N.

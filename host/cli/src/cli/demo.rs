@@ -9,7 +9,7 @@ use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_system::output::{Kind, Output};
 
 use super::machine::client_of;
-use super::outputs::{NamedInput, file};
+use super::outputs::{InputFile, NamedInput, file};
 use super::recording::ClientRecording;
 use super::{MachineCommand, Outcome, Pace};
 
@@ -55,6 +55,9 @@ pub(crate) struct Demo {
         allow_negative_numbers = true
     )]
     step_seconds: f64,
+    /// Run the session under this key file: frames have tags
+    #[arg(long, value_name = "FILE")]
+    key: Option<InputFile>,
     /// Force the pace [default: real time if this machine holds it, else lock-step]
     #[arg(long)]
     pace: Option<Pace>,
@@ -79,6 +82,7 @@ impl MachineCommand for Demo {
         let options = DemoOptions {
             client: client_of(&robot, self.client.as_ref())?,
             robot,
+            key: self.key.map(Into::into),
             pace: self
                 .pace
                 .map_or(PaceChoice::Auto, |pace| PaceChoice::Only(pace.into())),

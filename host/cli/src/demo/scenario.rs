@@ -12,15 +12,18 @@ use gantry_tau_client::{
 };
 use gantry_tau_core::control::client::Requirements;
 use gantry_tau_core::control::endpoint::Transport;
+use gantry_tau_core::control::keys::Key;
 use gantry_tau_core::control::message::{Capabilities, Phase, Refusal};
 use gantry_tau_core::control::monitor::{Monitor, Violation};
 use gantry_tau_core::units::{EpochRange, Tick};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::black_box::{Window, swap_channel};
+use gantry_tau_server::key_file;
 use gantry_tau_server::links::accelerometer::AccelerometerPublisher;
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::server::Server;
+use gantry_tau_server::server::connections::Listening;
 use gantry_tau_server::server::cycle::Cycle;
 use gantry_tau_server::server::tick_source::TickSource;
 use gantry_tau_server::state::StopLatch;
@@ -100,6 +103,7 @@ struct Scenario<'a, K, const N: usize> {
     glide_cycles: u32,
     relay: Relay,
     controls: Arc<ClientControls>,
+    key: Option<Key>,
     client: JoinHandle<Result<ClientReport, ClientError>>,
 }
 
@@ -137,13 +141,17 @@ where
     let accelerometer_address = (accelerometer.as_ref())
         .map(AccelerometerPublisher::address)
         .transpose()?;
-    let cycle = Cycle::new(
+    let key = (options.key.as_deref())
+        .map(|path| key_file::read(path).map(|secret| secret.key()))
+        .transpose()?;
+    let keyring = key_file::keyring(options.key.as_slice())?;
+    let cycle = Cycle::listening(
         config,
         robot.motor_map()?,
         machine,
         EpochRange::VOLATILE,
         StopLatch::volatile(),
-        LOOPBACK,
+        Listening::bind(&LOOPBACK.into())?.with_keys(keyring),
     )?;
     let mut cycle = loops(cycle, robot.position_loops)?;
     let (sender, mut black_boxes) = swap_channel::channel();
@@ -167,7 +175,7 @@ where
         sensor: SensorSource::States,
         accelerometer: accelerometer_address.map(Into::into),
         robot: options.client.clone(),
-        key: None,
+        key: key.clone(),
         record: options.record.clone(),
         obtain: false,
         accept_unstable: false,
@@ -187,6 +195,7 @@ where
         glide_cycles,
         relay,
         controls,
+        key,
         client,
     };
     let played = scenario.run();
@@ -203,9 +212,11 @@ where
     let client = match client.join() {
         Ok(Ok(_)) => "left in good order".to_owned(),
         // Ends that no delay can cause.
-        Ok(Err(error @ (ClientError::Setup(_) | ClientError::Incompatible(_)))) => {
-            return Err(error.into());
-        }
+        Ok(Err(
+            error @ (ClientError::Setup(_)
+            | ClientError::Incompatible(_)
+            | ClientError::Refused(Refusal::Role)),
+        )) => return Err(error.into()),
         Ok(Err(error)) => error.to_string(),
         Err(_) => "panicked".to_owned(),
     };
@@ -364,7 +375,8 @@ impl<K: MachineKind<N>, const N: usize> Scenario<'_, K, N> {
             ..Requirements::default()
         };
         let address = self.server.address;
-        Connection::open(Transport::Stream, address, NEWCOMER_SILENCE, requirements)
+        Connection::open(Transport::Stream, address, NEWCOMER_SILENCE, requirements)?
+            .with_key(self.key.clone())
     }
 
     fn wait_for(&mut self, phase: Phase) -> Result<TickSample<N>, PlayError> {

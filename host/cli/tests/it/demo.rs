@@ -59,6 +59,23 @@ fn the_demo_of_six_axes_compensates_turning_as_well() {
     assert!(replayed.contains("agree bit for bit"), "{replayed}");
 }
 
+#[test]
+fn the_demo_runs_under_a_key() {
+    let folder = Folder::new("demo_key");
+    folder.run(&["key", "new", "control.key"]).success();
+    let mut arguments = vec!["demo", "--key", "control.key", "--pace", "lockstep"];
+    arguments.extend(["--step-seconds", "0.5", "--force-max", "120"]);
+    let said = folder.run(&arguments).success();
+    assert!(said.contains("All as it should be."), "{said}");
+    // Of a key that may only read nobody obtains.
+    folder
+        .run(&["key", "new", "read.key", "--role", "read"])
+        .success();
+    let refused = folder.run(&["demo", "--key", "read.key", "--pace", "lockstep"]);
+    let said = refused.failure(1);
+    assert!(said.contains("may only read"), "{said}");
+}
+
 /// A full disk, and a pipe that is open and not read.
 #[cfg(target_os = "linux")]
 #[test]
