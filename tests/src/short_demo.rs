@@ -28,6 +28,7 @@ where
 {
     let report = folder.join("demo.html");
     let options = DemoOptions {
+        key: None,
         client: robot.clone(),
         // The machines that are built here have none.
         robot: RobotFile {

@@ -5,7 +5,12 @@
 //! Their Python is that of `target/engines`, where `.ci/run` installs the packages `pin`, `mujoco`,
 //! `scipy` and `cryptography` of PyPI, or else `python3`. Without them trials are reported as
 //! ignored; with `GANTRY_TAU_REQUIRE_ENGINES=1` they fail instead.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "tests fail by panicking"
+)]
 
 mod tags;
 
