@@ -66,10 +66,10 @@ fn run(limit: Option<NominalAccel>) -> Run {
     let connection = server.open(Transport::Stream).unwrap();
     let mut client = Client::<AXES>::new(Transport::Stream, Requirements::default());
     server.feed(connection, &client.hello().unwrap());
-    let paths: Vec<Vec<PositionNm>> = (0..AXES).map(path).collect();
+    let paths: [_; AXES] = std::array::from_fn(path);
+    let places = (0..TICKS).map(|tick| std::array::from_fn(|axis: usize| paths[axis][tick]));
     let (mut flagged, mut references) = (Vec::new(), Vec::new());
-    for tick in 0..TICKS {
-        let nominal = std::array::from_fn(|axis| paths[axis][tick]);
+    for (tick, nominal) in places.enumerate() {
         let input = TickInput {
             elapsed_cycles: 1,
             reading: Some(Reading::unmeasured(nominal)),
