@@ -72,11 +72,11 @@ harnesses! {
         kani::cover!(room.find(Some(0)).is_ok(), "an object at the beginning");
     }
     capi_bytes_are_borrowed [minisat] { capi::bytes_are_borrowed(&mut kani::any(), kani::any(), kani::any(), kani::any()); }
-    capi_input_of_3_arrives [minisat, unwind 8] { check_input::<3>(); }
-    capi_input_of_6_arrives [minisat, unwind 8] { check_input::<6>(); }
+    capi_input_of_3_arrives [minisat, unwind 14] { check_input::<3>(); }
+    capi_input_of_6_arrives [minisat, unwind 14] { check_input::<6>(); }
     capi_output_arrives [minisat, unwind 14] { check_output::<1>(); }
-    capi_state_of_3_arrives [minisat, unwind 8] { capi::state_arrives::<3>(&kani::any(), any_index(GT_MAX_AXES)); }
-    capi_state_of_6_arrives [minisat, unwind 8] { capi::state_arrives::<6>(&kani::any(), any_index(GT_MAX_AXES)); }
+    capi_state_of_3_arrives [minisat, unwind 14] { capi::state_arrives::<3>(&kani::any(), any_index(GT_MAX_AXES)); }
+    capi_state_of_6_arrives [minisat, unwind 14] { capi::state_arrives::<6>(&kani::any(), any_index(GT_MAX_AXES)); }
     capi_axis_arrives [minisat] { capi::axis_arrives(&kani::any()); }
     capi_start_of_3_arrives [minisat, unwind 8] { capi::start_arrives::<3>(kani::any(), &kani::any(), any_index(3)); }
     capi_start_of_6_arrives [minisat, unwind 8] { capi::start_arrives::<6>(kani::any(), &kani::any(), any_index(6)); }

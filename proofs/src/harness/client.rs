@@ -28,7 +28,7 @@ fn check_answer<const N: usize>() {
 harnesses! {
     client_answer_is_right [minisat, unwind 3] { check_answer::<1>(); }
     client_answer_is_right_3 [minisat, unwind 5] { check_answer::<3>(); }
-    client_message_is_right [minisat, unwind 3] {
+    client_message_is_right [minisat, unwind 5] {
         let message: ServerMessage<1> = kani::any();
         let dialogue = any_dialogue();
         let mut after = dialogue;
