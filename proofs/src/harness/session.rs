@@ -75,7 +75,7 @@ harnesses! {
     session_of_6_axes_step_is_its_parts [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] { with_unknown_parts(|| session::step_is_its_parts(&any_input::<6>())); }
     session_tick_is_its_parts [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] { with_unknown_parts(|| session::tick_is_its_parts(&kani::any::<Session<AXES>>(), &any_tick())); }
     session_of_6_axes_tick_is_its_parts [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] { with_unknown_parts(|| session::tick_is_its_parts(&kani::any::<Session<6>>(), &any_tick())); }
-    session_axis_of_many_stays_valid [minisat, unwind 3] {
+    session_axis_of_many_stays_valid [minisat, unwind 5] {
         let config: Config<1> = kani::any();
         let ([axis], discrete, rules) = (config.parameters().axes, kani::any::<FsmState>(), kani::any::<Rules>());
         assume!(discrete.is_valid(rules.handshake_ticks), discrete.phase == Phase::Obtain, "Obtain is a valid state");
@@ -83,12 +83,12 @@ harnesses! {
         kani::cover!(!state.channels.is_zero(), "an axis that is not at zero");
         session::axis_of_many_stays_valid(&state, &axis, (&discrete, &kani::any(), &rules), &kani::any());
     }
-    session_position_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Position); }
-    session_velocity_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Velocity); }
-    session_torque_is_bounded [minisat, unwind 3] { session::channels_are_bounded(&any_input::<1>(), Kind::Torque); }
-    session_position_ramps [minisat, unwind 3] { session::channels_ramp(&any_input::<1>(), Kind::Position); }
-    session_velocity_ramps [minisat, unwind 3] { session::channels_ramp(&any_input::<1>(), Kind::Velocity); }
-    session_torque_ramps [minisat, unwind 3] { session::channels_ramp(&any_input::<1>(), Kind::Torque); }
+    session_position_is_bounded [minisat, unwind 5] { session::channels_are_bounded(&any_input::<1>(), Kind::Position); }
+    session_velocity_is_bounded [minisat, unwind 5] { session::channels_are_bounded(&any_input::<1>(), Kind::Velocity); }
+    session_torque_is_bounded [minisat, unwind 5] { session::channels_are_bounded(&any_input::<1>(), Kind::Torque); }
+    session_position_ramps [minisat, unwind 5] { session::channels_ramp(&any_input::<1>(), Kind::Position); }
+    session_velocity_ramps [minisat, unwind 5] { session::channels_ramp(&any_input::<1>(), Kind::Velocity); }
+    session_torque_ramps [minisat, unwind 5] { session::channels_ramp(&any_input::<1>(), Kind::Torque); }
     session_axes_stay_valid [minisat, unwind 5] { session::axes_stay_valid(&any_input::<AXES>()); }
     session_discrete_stays_valid [minisat, unwind 5] { session::discrete_stays_valid(&any_input::<AXES>()); }
     session_references_are_inside_travel [minisat, unwind 5] { session::references_are_inside_travel(&any_input::<AXES>()); }
