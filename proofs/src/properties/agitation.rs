@@ -12,7 +12,7 @@ fn limit_nm(budget: &AgitationBudget) -> u64 {
     1_000 * u64::from(budget.nm_per_tick.get())
 }
 
-/// What an Obtain has spent up to a tick, nm: the sum of the magnitudes of its second differences, less
+/// Agitation that an Obtain has spent up to a tick, nm: the sum of the magnitudes of its second differences, less
 /// `r` for each tick. A number of the proof, which core does not have.
 #[derive(Clone, Copy, Debug)]
 pub struct Spent(pub i64);

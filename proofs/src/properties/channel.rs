@@ -32,7 +32,7 @@ pub fn change_is_bounded<U: ChannelUnit>(
     );
 }
 
-/// What a drive receives of a valid channel is what it counts: its unit holds it.
+/// A drive receives the count of a valid channel: its unit holds it.
 pub fn value_is_its_count<U: ChannelUnit>(channel: Channel<U>) {
     assert!(
         channel.value().count() == channel.count(),

@@ -154,7 +154,7 @@ pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     assert!(ordered == expected, "T9: ordered is what is decided");
 }
 
-/// What core decides and orders.
+/// Returns core's decision, its input, and the order.
 fn ordered<const N: usize>(input: &StepInput<N>) -> (Decision, FsmInput, Order<N>) {
     let (session, parts) = (&input.session, input.session.parts());
     let known = Known {

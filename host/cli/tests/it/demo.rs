@@ -67,7 +67,7 @@ fn the_demo_runs_under_a_key() {
     arguments.extend(["--step-seconds", "0.5", "--force-max", "120"]);
     let said = folder.run(&arguments).success();
     assert!(said.contains("All as it should be."), "{said}");
-    // Of a key that may only read nobody obtains.
+    // The holder of a key that may only read gets no session.
     folder
         .run(&["key", "new", "read.key", "--role", "read"])
         .success();
