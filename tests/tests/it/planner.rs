@@ -9,8 +9,7 @@ use gantry_tau_core::control::endpoint::{Endpoint, Transport};
 use gantry_tau_core::control::message::{AxisFlags, Mode, Phase};
 use gantry_tau_core::control::session::config::NominalAccel;
 use gantry_tau_core::{
-    AxisConfig, Config, EpochRange, LimitValues, Limits, OffsetNm, Offsets, Parameters, PositionNm,
-    Reading, Reference, Session, Start, TickInput, Travel,
+    Config, EpochRange, OffsetNm, Offsets, PositionNm, Reference, Session, Start,
 };
 use gantry_tau_tests::server_fixture;
 
@@ -51,16 +50,11 @@ struct Run {
 }
 
 fn run(limit: Option<NominalAccel>) -> Run {
-    let limits = Limits::new(LimitValues {
-        max: 2_000_000,
-        step: 5_000,
-        accel: 10_000,
-        ramp: 100,
-    });
-    let travel = Travel::around_zero(1_000_000_000);
-    let mut axis = AxisConfig::position_only(limits.unwrap(), travel, 2_000_000);
-    axis.nominal_accel = limit;
-    let config = Config::new(Parameters::thesis([axis; AXES])).unwrap();
+    let mut parameters = server_fixture::parameters();
+    for axis in &mut parameters.axes {
+        axis.nominal_accel = limit;
+    }
+    let config = Config::new(parameters).unwrap();
     let start = Start::at_rest([PositionNm(0); AXES]);
     let mut server = Endpoint::new(Session::new(config, &start).unwrap(), EpochRange::VOLATILE);
     let connection = server.open(Transport::Stream).unwrap();
@@ -70,15 +64,7 @@ fn run(limit: Option<NominalAccel>) -> Run {
     let places = (0..TICKS).map(|tick| std::array::from_fn(|axis: usize| paths[axis][tick]));
     let (mut flagged, mut references) = (Vec::new(), Vec::new());
     for (tick, nominal) in places.enumerate() {
-        let input = TickInput {
-            elapsed_cycles: 1,
-            reading: Some(Reading::unmeasured(nominal)),
-            sensor: None,
-            stop: false,
-            quit: false,
-            rearm: false,
-        };
-        server_fixture::taken(server.tick(&input));
+        server_fixture::taken(server.tick(&server_fixture::on_time(nominal)));
         let output = server.output().unwrap();
         references.push(output.references);
         let states = output.state.axes.iter().enumerate();

@@ -8,10 +8,7 @@ use gantry_tau_core::control::client::{Client, Event, Requirements};
 use gantry_tau_core::control::endpoint::{Budget, Endpoint, Transport};
 use gantry_tau_core::control::keys::{Key, Keyring, Role};
 use gantry_tau_core::control::message::Mode;
-use gantry_tau_core::{
-    AxisConfig, Config, EpochRange, LimitValues, Limits, OffsetNm, Offsets, Parameters, PositionNm,
-    Reading, Session, Start, TickInput, Travel,
-};
+use gantry_tau_core::{Config, EpochRange, OffsetNm, Offsets, PositionNm, Session, Start};
 use gantry_tau_tests::server_fixture;
 use libtest_mimic::Failed;
 
@@ -64,15 +61,7 @@ fn capture() -> Vec<u8> {
 }
 
 fn session() -> Session<AXES> {
-    let limits = Limits::new(LimitValues {
-        max: 2_000_000,
-        step: 5_000,
-        accel: 10_000,
-        ramp: 100,
-    });
-    let travel = Travel::around_zero(1_000_000_000);
-    let axis = AxisConfig::position_only(limits.unwrap(), travel, 2_000_000);
-    let config = Config::new(Parameters::thesis([axis; AXES])).unwrap();
+    let config = Config::new(server_fixture::parameters()).unwrap();
     Session::new(config, &Start::at_rest([PositionNm(0); AXES])).unwrap()
 }
 
@@ -92,7 +81,7 @@ fn play(server: &mut Endpoint<AXES>, number: u8, frames: &mut Vec<Vec<u8>>) {
             server.feed(connection, &frame);
             frames.push(frame);
         }
-        server_fixture::taken(server.tick(&on_time()));
+        server_fixture::taken(server.tick(&server_fixture::on_time([PositionNm(0); AXES])));
         let mut heard = Vec::new();
         while let Some((_, frame)) = server.poll_transmit() {
             heard.push(frame.to_vec());
@@ -116,15 +105,4 @@ fn play(server: &mut Endpoint<AXES>, number: u8, frames: &mut Vec<Vec<u8>>) {
     }
     server.close(connection);
     while server.poll_close().is_some() {}
-}
-
-const fn on_time() -> TickInput<AXES> {
-    TickInput {
-        elapsed_cycles: 1,
-        reading: Some(Reading::unmeasured([PositionNm(0); AXES])),
-        sensor: None,
-        stop: false,
-        quit: false,
-        rearm: false,
-    }
 }
