@@ -24,7 +24,7 @@ pub struct Joint<const N: usize> {
 /// `[T 3.1.2]`. A machine of three axes keeps its plates at 0.
 #[must_use]
 pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N]) -> Joint<N> {
-    Plate::of(geometry, ARM_OF_LINK[link], q)
+    Plate::of(&TurnAxes::of(geometry), ARM_OF_LINK[link], q)
         .corner(geometry, link, q)
         .joint()
 }
@@ -32,13 +32,13 @@ pub fn joint<const N: usize>(geometry: &f1::Geometry, link: usize, q: &[f64; N])
 /// Returns the joints of all links, link order, as [`joint`] does.
 #[must_use]
 pub fn joints<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Joint<N>; LINKS] {
-    let plates = plates(geometry, q);
+    let plates = plates(&TurnAxes::of(geometry), q);
     std::array::from_fn(|link| plates[ARM_OF_LINK[link]].corner(geometry, link, q).joint())
 }
 
 /// Returns the plates of all arms.
-pub(super) fn plates<const N: usize>(geometry: &f1::Geometry, q: &[f64; N]) -> [Plate; ARMS] {
-    std::array::from_fn(|arm| Plate::of(geometry, arm, q))
+pub(super) fn plates<const N: usize>(turn_axes: &TurnAxes, q: &[f64; N]) -> [Plate; ARMS] {
+    std::array::from_fn(|arm| Plate::of(turn_axes, arm, q))
 }
 
 /// Returns the accelerations of the joints of all links, link order, with the axes at `q` and moving
@@ -49,12 +49,24 @@ pub fn centripetal_m_per_s2<const N: usize>(
     q: &[f64; N],
     rates: &SVector<f64, N>,
 ) -> [Vector3<f64>; LINKS] {
-    let motions = plates(geometry, q).map(|plate| (plate.spin(rates), plate));
+    let motions = plates(&TurnAxes::of(geometry), q).map(|plate| (plate.spin(rates), plate));
     std::array::from_fn(|link| {
         let ((spin, carried), plate) = &motions[ARM_OF_LINK[link]];
         let lever_m = plate.rotation * geometry.plate_joints_m[link];
         spin.cross(&spin.cross(&lever_m)) + carried.cross(&lever_m)
     })
+}
+
+/// Directions that `q_4` to `q_6` turn plates about, with the signs of their turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TurnAxes([(Unit<Vector3<f64>>, f64); 3]);
+
+impl TurnAxes {
+    pub(super) fn of(geometry: &f1::Geometry) -> Self {
+        let [turn, tilt] = [geometry.turn_axis, geometry.tilt_axis].map(Unit::new_normalize);
+        let [q4, q5] = geometry.turn_signs.map(|sign| sign.sign());
+        Self([(turn, q4), (turn, q5), (tilt, 1.0)])
+    }
 }
 
 /// Largest number of axes that turn one plate.
@@ -117,25 +129,25 @@ impl Plate {
         }
     }
 
-    fn of<const N: usize>(geometry: &f1::Geometry, arm: usize, q: &[f64; N]) -> Self {
+    fn of<const N: usize>(turn_axes: &TurnAxes, arm: usize, q: &[f64; N]) -> Self {
         let mut plate = Self {
             rotation: Rotation3::identity(),
             turns: [Vector3::zeros(); MAX_TURNS],
             arm,
         };
-        for (axis, angle) in q.iter().enumerate() {
+        let turning = (Q4..).zip(q.iter().skip(Q4)).zip(&turn_axes.0);
+        for ((axis, angle), (about, sign)) in turning {
             let Some(turn) = turn_of_plate(arm, axis) else {
                 continue;
             };
-            let (about, sign) = match axis {
-                Q4 => (geometry.turn_axis, geometry.turn_signs[0].sign()),
-                Q5 => (geometry.turn_axis, geometry.turn_signs[1].sign()),
-                _ => (geometry.tilt_axis, 1.0),
+            let rotation = Rotation3::from_axis_angle(about, sign * angle);
+            let about = about.into_inner() * *sign;
+            // A later axis is carried by those before it; the first of a plate by none.
+            (plate.turns[turn], plate.rotation) = if turn == 0 {
+                (about, rotation)
+            } else {
+                (plate.rotation * about, plate.rotation * rotation)
             };
-            let about = Unit::new_normalize(about);
-            // A later axis is carried by those before it.
-            plate.turns[turn] = plate.rotation * about.into_inner() * sign;
-            plate.rotation *= Rotation3::from_axis_angle(&about, sign * angle);
         }
         plate
     }

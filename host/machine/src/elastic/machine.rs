@@ -24,7 +24,7 @@ use nalgebra::{Matrix6, Matrix6x3, Rotation3, SMatrix, SVector, UnitQuaternion, 
 
 use super::backlash::Backlash;
 use super::compliances::RawCompliances;
-use super::joints::{Corner, Plate, plates};
+use super::joints::{Corner, Plate, TurnAxes, plates};
 
 /// The search ends when no step is larger than this, in metres and in radians.
 pub const STEP_TOLERANCE: f64 = 1e-13;
@@ -107,6 +107,8 @@ impl std::error::Error for ElasticError {}
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElasticMachine<const N: usize> {
     geometry: f1::Geometry,
+    /// Of the geometry.
+    turn_axes: TurnAxes,
     compliances: RawCompliances<N>,
     backlash: Backlash,
 }
@@ -150,6 +152,7 @@ impl<const N: usize> ElasticMachine<N> {
         backlash: Backlash,
     ) -> Self {
         Self {
+            turn_axes: TurnAxes::of(&geometry),
             geometry,
             compliances: compliances.into(),
             backlash,
@@ -271,29 +274,31 @@ impl<const N: usize> ElasticMachine<N> {
         motors + SVector::from(self.compliances.axes).component_mul(axis_loads)
     }
 
-    /// Returns of each link, in their order: the joint on its plate, the lever of that on the platform
-    /// and the vector from this to the former, world axes, m.
-    #[inline]
-    fn links<'a>(
-        &'a self,
+    /// Returns the joint of a link on its plate, the lever of that on the platform and the vector from
+    /// this to the former, world axes, m.
+    // Returned through memory it takes a sixth of the time of a simulation.
+    #[inline(always)]
+    fn link<'a>(
+        &self,
         plates: &'a [Plate; ARMS],
-        q: &'a [f64; N],
-        pose: &'a Pose,
-    ) -> impl Iterator<Item = (Corner<'a>, Vector3<f64>, Vector3<f64>)> {
-        ARM_OF_LINK.into_iter().enumerate().map(move |(link, arm)| {
-            let joint = plates[arm].corner(&self.geometry, link, q);
-            let lever = pose.rotation * self.geometry.platform_joints_m[link];
-            let vector = joint.place_m - (pose.translation_m + lever);
-            (joint, lever, vector)
-        })
+        link: usize,
+        q: &[f64; N],
+        pose: &Pose,
+    ) -> (Corner<'a>, Vector3<f64>, Vector3<f64>) {
+        let joint = plates[ARM_OF_LINK[link]].corner(&self.geometry, link, q);
+        let lever = pose.rotation * self.geometry.platform_joints_m[link];
+        let vector = joint.place_m - (pose.translation_m + lever);
+        (joint, lever, vector)
     }
 
     /// Returns the distances of the joints with the axes (not the motors) at `axes`, m, link order.
     fn lengths_m(&self, axes: &SVector<f64, N>, pose: &Pose) -> Vector6<f64> {
         let q = &axes.data.0[0];
-        let plates = plates(&self.geometry, q);
-        let links = self.links(&plates, q, pose);
-        Vector6::from_iterator(links.map(|(_, _, vector)| vector.norm()))
+        let plates = plates(&self.turn_axes, q);
+        Vector6::from_fn(|link, _| {
+            let (_, _, vector) = self.link(&plates, link, q, pose);
+            vector.norm()
+        })
     }
 
     /// Returns the tensions of links whose joints are so far apart, N. In the play of the joint of
@@ -302,17 +307,15 @@ impl<const N: usize> ElasticMachine<N> {
     pub fn tensions_n(&self, lengths_m: &Vector6<f64>) -> Vector6<f64> {
         let compliances = Vector6::from(self.compliances.links_m_per_n);
         let stretched_m = lengths_m - Vector6::from(self.geometry.lengths_m);
-        let with_play = |play_m: f64| {
-            let mut tensions_n = stretched_m.component_div(&compliances);
-            for link in CLUSTER_3..LINKS {
-                tensions_n[link] = (stretched_m[link] - play_m) / compliances[link];
-            }
-            tensions_n
+        let tension_n = |link: usize, play_m: f64| {
+            let play_m = if link >= CLUSTER_3 { play_m } else { 0.0 };
+            (stretched_m[link] - play_m) / compliances[link]
         };
-        let play_m = self
-            .backlash
-            .settled_m(|play_m| with_play(play_m).fixed_rows::<3>(CLUSTER_3).sum());
-        with_play(play_m)
+        let play_m = self.backlash.settled_m(|play_m| {
+            let cluster_3 = CLUSTER_3..LINKS;
+            cluster_3.map(|link| tension_n(link, play_m)).sum()
+        });
+        Vector6::from_fn(|link, _| tension_n(link, play_m))
     }
 
     /// Returns the distances of the joints, `W` and `D` with the axes (not the motors) at `axes`.
@@ -324,8 +327,9 @@ impl<const N: usize> ElasticMachine<N> {
             drives: SMatrix::zeros(),
         };
         let q = &axes.data.0[0];
-        let plates = plates(&self.geometry, q);
-        for (link, (joint, lever, vector)) in self.links(&plates, q, pose).enumerate() {
+        let plates = plates(&self.turn_axes, q);
+        for link in 0..LINKS {
+            let (joint, lever, vector) = self.link(&plates, link, q, pose);
             let length_m = vector.norm();
             lines.lengths_m[link] = length_m;
             let direction = vector / length_m;
