@@ -12,9 +12,11 @@ use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use gantry_tau_core::control::axis::Reference;
 use gantry_tau_core::control::message::{AxisState, Mode, Phase};
 use gantry_tau_core::control::session::config::{AxisConfig, NominalAccel};
-use gantry_tau_core::units::{PositionNm, Tick, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::session::{Connection, Event};
+use gantry_tau_core::units::{Epoch, PositionNm, Tick, TorquePermille, VelocityUmS};
 use gantry_tau_core::verification::control::{
-    Action, Axis, AxisCommand, Decision, EndReason, FsmInput, FsmState, Rules,
+    Accepted, Action, Axis, AxisCommand, Classifier, Decision, Diagnostics, EndReason, FsmInput,
+    FsmState, Rules,
 };
 
 #[cfg(feature = "keys")]
@@ -117,6 +119,21 @@ pub fn decide(state: &FsmState, input: &FsmInput, rules: &Rules) -> Decision {
         action,
         end: (decided >> 5 & 1 == 1).then_some(EndReason::Missed),
     }
+}
+
+/// Classification of an event: an unknown bit of connection and state says if it is a Goodbye.
+pub fn classify<const N: usize>(
+    classifier: &Classifier<'_, N>,
+    connection: Connection,
+    _: &Event<N>,
+    accepted: &mut Accepted<N>,
+    _: &mut Diagnostics,
+) {
+    let FsmState { tick, epoch, .. } = *classifier.discrete;
+    let next = classifier.next_epoch.unwrap_or(Epoch(0));
+    let mixed =
+        connection.0.rotate_left(48) ^ tick.0 ^ epoch.0.rotate_left(16) ^ next.0.rotate_left(32);
+    accepted.fsm.goodbye = mixed.rotate_right(BIT.load(Ordering::Relaxed)) & 1 == 1;
 }
 
 /// Tick of an axis: what it becomes, and its reference, depend on an unknown one of the numbers that

@@ -1,7 +1,7 @@
 //! Any valid channel, any limits that validation accepts, any target.
 
 use gantry_tau_core::control::channel::{Channel, Limits};
-use gantry_tau_core::units::{ChannelUnit, OffsetNm, TorquePermille};
+use gantry_tau_core::units::{ChannelUnit, OffsetNm, TorquePermille, VelocityUmS};
 
 use super::kani;
 use crate::properties::channel::{
@@ -9,15 +9,25 @@ use crate::properties::channel::{
 };
 
 /// Any channel that is valid under the limits.
-fn any_channel<U: ChannelUnit>(value: U, limits: &Limits<U>) -> Channel<U> {
-    let channel = Channel::from_parts(value, kani::any(), limits);
-    assume!(channel.is_some(), true, "some channels are valid");
-    channel.unwrap_or(Channel::ZERO)
+fn any_channel<U: ChannelUnit>(limits: &Limits<U>) -> Channel<U> {
+    let channel: Channel<U> = kani::any();
+    assume!(
+        channel.is_valid(limits),
+        !channel.is_zero(),
+        "some channels are not at zero"
+    );
+    channel
+}
+
+/// Any channel of a unit.
+fn check_value<U: ChannelUnit>() {
+    let limits: Limits<U> = kani::any();
+    value_is_its_count(any_channel(&limits));
 }
 
 fn any_step_is_bounded(step: impl Fn(Position, &Limits<OffsetNm>) -> Position) {
     let limits: Limits<OffsetNm> = kani::any();
-    let before = any_channel(kani::any(), &limits);
+    let before = any_channel(&limits);
     change_is_bounded(before, step(before, &limits), &limits);
 }
 
@@ -27,14 +37,15 @@ harnesses! {
     channel_ramp_is_bounded [minisat] { any_step_is_bounded(|before, limits| before.ramp(limits)); }
     channel_ramp_is_exact [minisat] {
         let limits: Limits<OffsetNm> = kani::any();
-        ramp_is_exact(any_channel(kani::any(), &limits), &limits);
+        ramp_is_exact(any_channel(&limits), &limits);
     }
     channel_ramp_lowers_any_bound [minisat] {
         let limits: Limits<OffsetNm> = kani::any();
-        ramp_lowers_any_bound(any_channel(kani::any(), &limits), kani::any(), &limits);
+        ramp_lowers_any_bound(any_channel(&limits), kani::any(), &limits);
     }
     channel_value_is_its_count [minisat] {
-        let limits: Limits<TorquePermille> = kani::any();
-        value_is_its_count(any_channel(kani::any(), &limits));
+        check_value::<OffsetNm>();
+        check_value::<VelocityUmS>();
+        check_value::<TorquePermille>();
     }
 }

@@ -173,16 +173,19 @@ fn ordered<const N: usize>(input: &StepInput<N>) -> (Decision, FsmInput, Order<N
     )
 }
 
-/// The decision of a whole step is that of [`decide`] on the completed input.
+/// The decision of a whole step is that of [`decide`] on the completed input, and so is the order to
+/// the axes.
 pub fn decides_by_the_rules<const N: usize>(input: &StepInput<N>) {
     let before = &input.session;
     let (fsm, rules) = decided_on(input);
+    let expected = decide(&before.parts().discrete, &fsm, &rules);
     let (after, _) = input.step();
-    let expected = decide(&before.parts().discrete, &fsm, &rules).next;
     assert!(
-        after.parts().discrete == expected,
+        after.parts().discrete == expected.next,
         "T9: decided by the rules"
     );
+    let (decision, _, _) = ordered(input);
+    assert!(decision == expected, "T9: ordered by the rules");
 }
 
 /// A step is its parts: the discrete state is that of the decision, the axes and the references are
@@ -523,6 +526,10 @@ pub fn starts_as_told<const N: usize>(config: Config<N>, start: &Start<N>) {
         session.demanded() == start.in_force,
         "T21: a server starts with what is in force"
     );
+    assert!(
+        !session.parts().withheld,
+        "T21: a server that starts may write"
+    );
     assert!(session.parts().off_path, "T21: and waits for the path");
     let at_zero = (0..N).all(|axis| start.in_force[axis].offsets == Offsets::ZERO);
     let expected = match (start.stop_latched, at_zero) {
@@ -547,6 +554,10 @@ pub fn starts_as_told<const N: usize>(config: Config<N>, start: &Start<N>) {
         "T23: a server begins before its first epoch"
     );
     assert!(are_at_rest(&session), "T2: a server starts at rest");
+    assert!(
+        Accepted::<N>::nothing().fsm == FsmInput::default(),
+        "T22: without events nothing is accepted"
+    );
 }
 
 /// True if no channel of any axis moves.
