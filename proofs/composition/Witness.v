@@ -1,0 +1,694 @@
+(** Functions of which every row holds, at any number of axes: the axioms do not contradict each other.
+    They are as simple as the rows allow, and no model of core. *)
+From Coq Require Import ZArith List Bool Lia.
+From Composition Require Import Rows.
+Open Scope Z_scope.
+
+Module Type SIZE.
+  Parameter axes_of_all : nat.
+End SIZE.
+
+Module WitnessOf (Size : SIZE) <: ROWS.
+
+Definition N := Size.axes_of_all.
+Definition Config := unit.
+Definition AxisConfig := unit.
+Definition rules (_ : Config) := {| handshake_ticks := 2; budget := None |}.
+Definition axis_config (_ : Config) (_ : nat) : AxisConfig := tt.
+Definition limits (_ : AxisConfig) (_ : Kind) :=
+  {| largest := 20; step_limit := 10; accel := 20; rho := 10 |}.
+Definition lower (_ : AxisConfig) := -1000000.
+Definition upper (_ : AxisConfig) := 1000000.
+Definition accel_is_fault (_ : AxisConfig) := false.
+Definition refill (_ : AxisConfig) := Some 10.
+
+(** A Hello, or a command with its target. *)
+Inductive Asks := Hello | Command (sequence : nat) (mode : Mode) (target : Z) | Goodbye.
+Definition Event := Asks.
+Definition Epochs := unit.
+
+(** ** The decision *)
+
+Definition goes p own s (b : bool) := {|
+  phase := p; owner := own; epoch := epoch s; accepted := accepted s; tick_number := S (tick_number s);
+  misses := if b then 1%nat else 0%nat; history := if b then 1%N else 0%N; waited := 0;
+  rearm_released := false; latched := false |}.
+Definition to_fault s f := {|
+  phase := Fault; owner := owner s; epoch := epoch s; accepted := accepted s;
+  tick_number := S (tick_number s); misses := 0; history := 0%N; waited := 0;
+  rearm_released := rearm_released s || negb (rearm f); latched := true |}.
+Definition grants s from e := {|
+  phase := Handshake; owner := Some from; epoch := e; accepted := 0; tick_number := S (tick_number s);
+  misses := 0; history := 0%N; waited := 0; rearm_released := false; latched := false |}.
+Definition waits s := {|
+  phase := Handshake; owner := owner s; epoch := epoch s; accepted := accepted s;
+  tick_number := S (tick_number s); misses := 0; history := 0%N; waited := S (waited s);
+  rearm_released := false; latched := false |}.
+Definition takes p s sequence := {|
+  phase := p; owner := owner s; epoch := epoch s; accepted := sequence; tick_number := S (tick_number s);
+  misses := 0; history := 0%N; waited := 0; rearm_released := false; latched := false |}.
+
+Definition does n a := {| next := n; action := a; by_budget := false |}.
+Definition ends s := does (goes SafeDisconnect (owner s) s false) Ramp.
+Definition breaks f := framing f || flood f || closed f || goodbye f || agitated f.
+
+Definition decide s f (r : Rules) :=
+  if stop f || quit f || nominal_fault f then does (to_fault s f) Ramp
+  else match phase s with
+  | Fault => if rearm f && rearm_released s && all_zero f then does (goes Listening None s false) Hold
+      else does (to_fault s f) Ramp
+  | SafeDisconnect => if all_zero f then does (goes Listening None s false) Hold else ends s
+  | Listening => match hello f with
+      | Some (from, e) => does (if (epoch s <? e)%nat then grants s from e else goes Listening None s false) Hold
+      | None => does (goes Listening None s false) Hold
+      end
+  | Handshake => if breaks f then ends s else match command f with
+      | Some (sequence, _) => does (takes Submit s sequence) Hold
+      | None => if (S (waited s) <? handshake_ticks r)%nat then does (waits s) Hold else ends s
+      end
+  | Submit | Obtain =>
+      let run := (misses s + skipped f)%nat in
+      if breaks f || (2 <=? run)%nat || (run =? 1)%nat && (match command f with None => true | _ => false end)
+      then ends s
+      else match command f with
+      | None => does (goes (phase s) (owner s) s true) Hold
+      | Some (sequence, ToSubmit) =>
+          does (takes (phase s) s sequence) (match phase s with Obtain => FollowZero | _ => Hold end)
+      | Some (sequence, ToObtain) => does (takes Obtain s sequence) Follow
+      end
+  end.
+
+(** ** An axis *)
+
+Definition moved before to := {| count := to; change := to - count before |}.
+Definition approach h goal :=
+  let goal := clamp (-20) 20 goal in moved h (count h + clamp (-10) 10 (goal - count h)).
+Definition ramp_of h := moved h (if 0 <=? count h then Z.max 0 (count h - 10) else Z.min 0 (count h + 10)).
+Definition acts a goal h :=
+  match a with
+  | Hold => {| count := count h; change := 0 |}
+  | Follow => approach h goal
+  | FollowZero => approach h 0
+  | Ramp => ramp_of h
+  end.
+Definition resting := {| count := 0; change := 0 |}.
+Definition value (_ : Kind) h := count h.
+Definition nominal_stepped x y (_ : AxisConfig) n := Z.of_nat n * 1000 <? Z.abs (y - x).
+Definition nominal_accelerated (_ : Axis) (_ : Z) (_ : AxisConfig) := false.
+Definition is_agitated a (g : AxisConfig) :=
+  match refill g with Some r => 1000 * r <? agitation a | None => false end.
+Definition act a m (g : AxisConfig) :=
+  let after k := acts (to_do m) (target m k) (channels a k) in
+  let d := Z.abs (change (after Position) - change (channels a Position)) in
+  ({| channels := after;
+      shadow := fun k => match shadow_to_do m with
+        | Some todo => acts todo (target m k) (shadow a k) | None => resting end;
+      nominal := nominal_now m;
+      agitation := if obtains m then Z.max 0 (Z.min (agitation a + d) largest_sum - 10) else 0;
+      others := others a |},
+   {| position := clamp (-1000000) 1000000 (nominal_now m + count (after Position));
+      pushes := fun k => count (after k) |}).
+Definition held a :=
+  (a, {| position := nominal a; pushes := fun k => count (channels a k) |}).
+
+(** ** What rows call valid, known, complete: as in [ROWS] *)
+
+Definition channels_valid (g : AxisConfig) (of_axis : Kind -> Channel) :=
+  forall k, channel_valid (limits g k) (of_axis k).
+Definition channels_at_zero (of_axis : Kind -> Channel) := forall k, at_zero (of_axis k).
+Definition axis_valid p (g : AxisConfig) a :=
+  channels_valid g (channels a) /\ channels_valid g (shadow a) /\
+  (p = Listening \/ p = Handshake \/ p = Submit -> channels_at_zero (channels a)) /\
+  (p = Submit \/ channels_at_zero (shadow a)) /\
+  (p = Obtain /\ refill g <> None \/ agitation a = 0).
+Definition valid c s :=
+  discrete_valid (handshake_ticks (rules c)) (discrete s) /\
+  (forall i, (i < N)%nat -> axis_valid (phase (discrete s)) (axis_config c i) (axes s i)) /\
+  (withheld s = true -> is_over (discrete s) = true).
+Definition offsets a k := value k (channels a k).
+Definition demanded s i :=
+  {| nominal_in_force := nominal (axes s i); offsets_in_force := offsets (axes s i) |}.
+Definition known c (found : nat -> InForce) :=
+  forall i k, (i < N)%nat -> admits (limits (axis_config c i) k) (offsets_in_force (found i) k).
+Definition every (test : nat -> bool) := forallb test (seq 0 N).
+Definition any (test : nat -> bool) := existsb test (seq 0 N).
+Definition all_kinds (test : Kind -> bool) := test Position && test Velocity && test Torque.
+Definition is_at_zero a := all_kinds (fun k => offsets a k =? 0).
+Definition cycles i := Nat.max 1 (elapsed i).
+Definition paces s i := (elapsed i <=? 1)%nat && is_read i && negb (off_path s).
+Definition has_stepped c s i axis :=
+  match reading i with
+  | Some read => nominal_stepped (nominal (axes s axis)) (fst (read axis)) (axis_config c axis) (cycles i)
+  | None => false
+  end.
+Definition stops_by_accel c s i axis :=
+  match reading i with
+  | Some read =>
+      accel_is_fault (axis_config c axis) && paced s && paces s i &&
+      nominal_accelerated (axes s axis) (fst (read axis)) (axis_config c axis)
+  | None => false
+  end.
+Definition complete c s i (refused : bool) a :=
+  let f := asked a in {|
+  stop := stop f || at_stop i || negb (is_read i) || refused;
+  quit := at_quit i;
+  rearm := at_rearm i;
+  nominal_fault := any (fun axis => has_stepped c s i axis || stops_by_accel c s i axis);
+  framing := framing f; flood := flood f; closed := closed f; goodbye := goodbye f;
+  agitated := any (fun axis => is_agitated (axes s axis) (axis_config c axis));
+  command := command f; hello := hello f;
+  skipped := cycles i - 1;
+  all_zero := negb (withheld s) && every (fun axis => is_at_zero (axes s axis)) |}.
+Definition command_of (o : Order) i a (own : Axis) axis besides := {|
+  to_do := do_all o; obtains := all_obtain o; shadow_to_do := shadows o; target := targets a axis;
+  nominal_now :=
+    match reading i with
+    | Some read => if holds o then nominal own else fst (read axis)
+    | None => nominal own
+    end;
+  besides := besides |}.
+
+(** ** A tick *)
+
+Definition sift (c : Config) s (_ : Epochs) (heard : nat * Event) a :=
+  let (from, event) := heard in
+  let f := asked a in
+  let with_f f t := {| asked := f; targets := t |} in
+  match event, phase (discrete s) with
+  | Hello, Listening => with_f {|
+      stop := stop f; quit := quit f; rearm := rearm f; nominal_fault := nominal_fault f;
+      framing := framing f; flood := flood f; closed := closed f; goodbye := goodbye f;
+      agitated := agitated f; command := command f; hello := Some (from, S (epoch (discrete s)));
+      skipped := skipped f; all_zero := all_zero f |} (targets a)
+  | Command sequence mode goal, _ => if (accepted (discrete s) <? sequence)%nat then with_f {|
+      stop := stop f; quit := quit f; rearm := rearm f; nominal_fault := nominal_fault f;
+      framing := framing f; flood := flood f; closed := closed f; goodbye := goodbye f;
+      agitated := agitated f; command := Some (sequence, mode); hello := hello f;
+      skipped := skipped f; all_zero := all_zero f |} (fun _ _ => goal) else a
+  | _, _ => a
+  end.
+Definition classify c s epochs events :=
+  fold_left (fun a event => sift c s epochs event a) events nothing.
+
+Definition order c s i refused a :=
+  let f := complete c s i refused a in
+  let d := decide (discrete s) f (rules c) in
+  (d, f, {|
+    do_all := action d;
+    all_obtain := match phase (next d) with Obtain => true | _ => false end;
+    shadows := shadow_of (phase (next d)) f;
+    flags := fun _ => 0; is_paced := paces s i;
+    holds := negb (is_read i) || off_path s && nominal_fault f |}).
+Definition carry_out (c : Config) of_axes o i a
+    (by_itself : Axis -> option (AxisCommand * AxisConfig) -> Axis * Reference) axis :=
+  by_itself (of_axes axis) (Some (command_of o i a (of_axes axis) axis 0, axis_config c axis)).
+Definition act_or_hold a (m : option (AxisCommand * AxisConfig)) :=
+  match m with Some (m, g) => act a m g | None => held a end.
+Definition step c s i refused a :=
+  let '(d, _, o) := order c s i refused a in
+  let acted := carry_out c (axes s) o i a act_or_hold in
+  ({| discrete := next d; axes := fun axis => fst (acted axis); withheld := withheld s;
+      off_path := holds o; paced := is_paced o; noted := noted s |},
+   {| references := fun axis => snd (acted axis); is_withheld := withheld s |}).
+
+Definition is_known (c : Config) (found : nat -> InForce) :=
+  every (fun i => all_kinds (fun k => Z.abs (offsets_in_force (found i) k) <=? 20)).
+Definition over s := match phase s with
+  | Fault => s
+  | _ => goes SafeDisconnect (owner s) s false
+  end.
+Definition rest_at (found : InForce) := {|
+  channels := fun k => {| count := offsets_in_force found k; change := 0 |};
+  shadow := fun _ => resting; nominal := nominal_in_force found; agitation := 0; others := 0 |}.
+Definition stays a := {|
+  channels := channels a; shadow := fun _ => resting; nominal := nominal a; agitation := 0;
+  others := others a |}.
+Definition withholds s := {|
+  discrete := over (discrete s); axes := fun i => stays (axes s i); withheld := true;
+  off_path := off_path s; paced := paced s; noted := noted s |}.
+Definition settle (c : Config) s w :=
+  match w with
+  | Taken => s
+  | Refused found => if is_known c found then {|
+      discrete := over (discrete s); axes := fun i => rest_at (found i); withheld := false;
+      off_path := true; paced := false; noted := noted s |} else withholds s
+  | Unknown => withholds s
+  end.
+Definition tick c s w events epochs i :=
+  let settled := settle c s w in
+  step c settled i (match w with Taken => false | _ => true end) (classify c settled epochs events).
+
+Definition blank p is_latched := {|
+  phase := p; owner := None; epoch := 0; accepted := 0; tick_number := 0; misses := 0; history := 0%N;
+  waited := 0; rearm_released := false; latched := is_latched |}.
+Definition are_zero (found : nat -> InForce) :=
+  every (fun i => all_kinds (fun k => offsets_in_force (found i) k =? 0)).
+Definition start (c : Config) told :=
+  if is_known c (in_force told) then Some {|
+    discrete := if stop_latched told then blank Fault true
+      else blank (if are_zero (in_force told) then Listening else SafeDisconnect) false;
+    axes := fun i => rest_at (in_force told i); withheld := false; off_path := true; paced := false;
+    noted := 0 |}
+  else None.
+
+(** ** The rows *)
+
+(** Every case of a decision. *)
+Ltac cases := repeat (match goal with
+  | |- context [if ?b then _ else _] => destruct b eqn:?
+  | |- context [match ?x with Some _ => _ | None => _ end] => destruct x eqn:?
+  | |- context [let (_, _) := ?x in _] => destruct x eqn:?
+  | |- context [match ?x with Listening => _ | Handshake => _ | Submit => _ | Obtain => _ | SafeDisconnect => _
+      | Fault => _ end] => is_var x; destruct x eqn:?
+  | |- context [match ?x with ToSubmit => _ | ToObtain => _ end] => destruct x eqn:?
+  end; simpl in * ).
+Ltac of_state s := destruct s as [p own e accepted_ n m h w released latch]; simpl in *.
+
+Lemma decide_keeps_the_invariant : forall s f r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> discrete_valid (handshake_ticks r) (next (decide s f r)).
+Proof.
+  intros s f r some is_valid. of_state s. unfold discrete_valid, decide, is_running in *. simpl in *.
+  destruct p; cases; intuition (try congruence; try lia); try (apply Nat.ltb_lt; assumption).
+Qed.
+
+Lemma decide_second_miss_ends : forall s f r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> is_running s = true -> outranks_a_miss f = false ->
+  let d := decide s f r in
+  let run := (misses s + skipped f)%nat in
+  if (2 <=? run)%nat || (run =? 1)%nat && (match command f with None => true | _ => false end)
+  then phase (next d) = SafeDisconnect /\ action d = Ramp
+  else if by_budget d then budget r <> None
+  else is_running (next d) = true /\
+    match command f with
+    | None => misses (next d) = 1%nat /\ phase (next d) = phase s /\ action d = Hold
+    | Some _ => misses (next d) = 0%nat
+    end.
+Proof.
+  intros s f r _ _ runs free d run. unfold outranks_a_miss in free.
+  repeat (apply orb_false_elim in free; destruct free as [free ?]).
+  subst d run. unfold decide, breaks, is_running in *.
+  repeat match goal with H : _ f = false |- _ => rewrite H end.
+  destruct s as [p own e accepted_ n m h w released latch]. cbn -[Nat.leb Nat.eqb Nat.add] in *.
+  destruct p; try discriminate; cbn -[Nat.leb Nat.eqb Nat.add];
+    destruct ((2 <=? m + skipped f)%nat || (m + skipped f =? 1)%nat && (match command f with None => true | _ => false end));
+    cbn; auto; destruct (command f) as [[sequence []]|]; cbn; auto.
+Qed.
+
+Lemma decide_authority_needs_zero : forall s f r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> let n := next (decide s f r) in
+  (is_live n = true -> is_live s = false -> phase s = Listening /\ phase n = Handshake /\
+    exists from, hello f = Some (from, epoch n) /\ owner n = Some from) /\
+  (phase n = Listening -> phase s <> Listening -> all_zero f = true).
+Proof.
+  intros s f r _ _ n. subst n. of_state s. unfold decide, is_live. simpl.
+  destruct p; cases; split; intros; simpl in *; try discriminate; try congruence; eauto;
+    repeat match goal with H : _ && _ = true |- _ => apply andb_prop in H; destruct H end; auto.
+Qed.
+
+Lemma decide_stop_leads_to_fault : forall s f r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> let d := decide s f r in
+  (stop f || quit f || nominal_fault f = true -> phase (next d) = Fault /\ action d = Ramp) /\
+  rearm_released (next d) =
+    (match phase (next d) with Fault => true | _ => false end && (rearm_released s || negb (rearm f))) /\
+  (phase s = Fault -> rearm f && rearm_released s && all_zero f = false ->
+    phase (next d) = Fault /\ action d = Ramp).
+Proof.
+  intros s f r _ _ d. subst d. of_state s. unfold decide. simpl.
+  destruct p; cases; repeat split; intros; simpl in *; try discriminate; try congruence; auto.
+Qed.
+
+Lemma decide_no_session_ramps : forall s f r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> let d := decide s f r in
+  (is_over s = true -> all_zero f = false -> action d = Ramp /\ is_live (next d) = false) /\
+  (is_live s = true -> is_live (next d) = false -> action d = Ramp).
+Proof.
+  intros s f r _ _ d. subst d. of_state s. unfold decide, is_over, is_live. simpl.
+  destruct p; cases; repeat split; intros; simpl in *; try discriminate; try congruence; auto;
+    repeat match goal with H : _ && _ = true |- _ => apply andb_prop in H; destruct H end; congruence.
+Qed.
+
+Lemma decide_silence_leads_to_listening : forall s zero shaken r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s ->
+  let d := decide s {| stop := false; quit := false; rearm := false; nominal_fault := false;
+    framing := false; flood := false; closed := false; goodbye := false; agitated := shaken;
+    command := None; hello := None; skipped := 0; all_zero := zero |} r in
+  let over := phase (next d) = SafeDisconnect /\ action d = Ramp in
+  match phase s with
+  | Listening => phase (next d) = Listening
+  | Handshake => phase (next d) = Handshake /\ waited (next d) = S (waited s) \/ over
+  | Submit | Obtain =>
+      misses s = 0%nat /\ misses (next d) = 1%nat /\ phase (next d) = phase s \/ over
+  | SafeDisconnect => if zero then phase (next d) = Listening else over
+  | Fault => True
+  end.
+Proof.
+  intros s zero shaken r _ is_valid d over. subst over d. of_state s.
+  unfold discrete_valid, is_running in is_valid. simpl in is_valid. destruct is_valid as [_ [missed _]].
+  unfold decide, breaks. simpl.
+  destruct p; simpl; auto.
+  - destruct shaken; simpl; auto. destruct (S w <? handshake_ticks r)%nat; simpl; auto.
+  - destruct shaken; simpl; auto. subst m. destruct (N.odd h); simpl; auto.
+  - destruct shaken; simpl; auto. subst m. destruct (N.odd h); simpl; auto.
+  - destruct zero; simpl; auto.
+Qed.
+
+Lemma decide_epochs_and_sequences_rise : forall s f r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> is_new s f ->
+  let d := decide s f r in
+  if (epoch (next d) =? epoch s)%nat
+  then (phase (next d) = Handshake -> phase s = Handshake) /\ (accepted s <= accepted (next d))%nat /\
+    (action d = Follow \/ action d = FollowZero -> (accepted s < accepted (next d))%nat)
+  else (epoch s < epoch (next d))%nat /\ phase s = Listening /\ phase (next d) = Handshake.
+Proof.
+  intros s f r _ _ [new_epoch new_sequence] d. subst d. of_state s. unfold decide. simpl.
+  assert (forall a mode, command f = Some (a, mode) -> (accepted_ < a)%nat) as newer by exact new_sequence.
+  assert (forall from a, hello f = Some (from, a) -> (e < a)%nat) as later by exact new_epoch.
+  clear new_epoch new_sequence.
+  destruct (stop f || quit f || nominal_fault f); simpl.
+  { rewrite Nat.eqb_refl. repeat split; try lia; intros; try discriminate; destruct H; discriminate. }
+  destruct p; simpl.
+  - destruct (hello f) as [[from a]|] eqn:asked_for; simpl.
+    + specialize (later from a eq_refl). assert ((e <? a)%nat = true) as is_later by (apply Nat.ltb_lt; exact later).
+      rewrite is_later. simpl. assert ((a =? e)%nat = false) as other by (apply Nat.eqb_neq; lia). rewrite other. auto.
+    + rewrite Nat.eqb_refl. repeat split; try lia; intros; try discriminate; destruct H; discriminate.
+  - destruct (breaks f); simpl; [|destruct (command f) as [[a mode]|]; simpl;
+      [specialize (newer a mode eq_refl)|destruct (S w <? handshake_ticks r)%nat; simpl]];
+      rewrite Nat.eqb_refl; repeat split; try lia; intros; try discriminate; auto; destruct H; discriminate.
+  - destruct (breaks f || _ || _); simpl; [|destruct (command f) as [[a mode]|]; simpl;
+      [specialize (newer a mode eq_refl); destruct mode; simpl|]];
+      rewrite Nat.eqb_refl; repeat split; try lia; intros; try discriminate; auto; destruct H; discriminate.
+  - destruct (breaks f || _ || _); simpl; [|destruct (command f) as [[a mode]|]; simpl;
+      [specialize (newer a mode eq_refl); destruct mode; simpl|]];
+      rewrite Nat.eqb_refl; repeat split; try lia; intros; try discriminate; auto; destruct H; discriminate.
+  - destruct (all_zero f); simpl; rewrite Nat.eqb_refl; repeat split; try lia; intros; try discriminate;
+      destruct H; discriminate.
+  - destruct (rearm f && released && all_zero f); simpl; rewrite Nat.eqb_refl; repeat split; try lia; intros;
+      try discriminate; destruct H; discriminate.
+Qed.
+
+Lemma agitation_ends_a_session : forall s f r, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> agitated f = true -> is_live s = true ->
+  is_over (next (decide s f r)) = true /\ action (decide s f r) = Ramp.
+Proof.
+  intros s f r _ _ shaken live. of_state s. unfold decide, breaks, is_over, is_live in *. rewrite shaken, orb_true_r.
+  destruct (stop f || quit f || nominal_fault f); simpl; auto. destruct p; try discriminate; simpl; auto.
+Qed.
+
+Definition bounded_in (k : Kind) := forall a m g,
+  channels_valid g (channels a) -> channels_valid g (shadow a) ->
+  let (after, reference) := act a m g in
+  let l := limits g k in
+  let before_k := channels a k in let after_k := channels after k in
+  Z.abs (count after_k - count before_k) <= step_limit l /\
+  admits l (value k after_k) /\
+  channel_valid l after_k /\
+  count after_k - count before_k = change after_k /\
+  Z.abs (change after_k - change before_k) <= accel l /\
+  (to_do m = Ramp -> ramped l before_k after_k) /\
+  position reference = clamp (lower g) (upper g) (nominal_now m + offsets after Position) /\
+  lower g <= position reference <= upper g /\
+  nominal after = nominal_now m.
+
+Lemma acts_is_valid : forall g k a goal h, channel_valid (limits g k) h -> channel_valid (limits g k) (acts a goal h).
+Proof.
+  intros g k a goal h. unfold channel_valid. simpl. intros [within slow].
+  destruct a; simpl; unfold clamp; try lia. destruct (0 <=? count h) eqn:sign;
+    [apply Z.leb_le in sign | apply Z.leb_gt in sign]; lia.
+Qed.
+
+Lemma all_are_bounded : forall k, bounded_in k.
+Proof.
+  intros k a m g own _. destruct (own k) as [within slow]. simpl in within, slow. simpl.
+  pose proof (acts_is_valid g k (to_do m) (target m k) (channels a k) (own k)) as is_valid.
+  assert (forall h, 0 <= h -> (0 <=? h) = true) as up by (intros; apply Z.leb_le; assumption).
+  assert (forall h, h < 0 -> (0 <=? h) = false) as down by (intros; apply Z.leb_gt; assumption).
+  unfold channel_valid, admits, value, ramped, lower, upper in *. simpl in *.
+  set (h := channels a k) in *. clearbody h. destruct h as [v d]. simpl in *.
+  split; [|split; [|split; [|split; [|split; [|split; [|split; [|split]]]]]]]; try apply is_valid; auto.
+  - destruct (to_do m); simpl; unfold clamp; try lia. destruct (Z_le_dec 0 v); [rewrite up | rewrite down]; lia.
+  - destruct (to_do m); simpl; unfold clamp; lia.
+  - destruct (to_do m); simpl; unfold clamp; try lia. destruct (Z_le_dec 0 v); [rewrite up | rewrite down]; lia.
+  - intros is_ramp. rewrite is_ramp. simpl. destruct (Z_le_dec 0 v); [rewrite up | rewrite down]; lia.
+  - unfold clamp. lia.
+Qed.
+Definition axis_position_is_bounded := all_are_bounded Position.
+Definition axis_velocity_is_bounded := all_are_bounded Velocity.
+Definition axis_torque_is_bounded := all_are_bounded Torque.
+
+Lemma channel_value_is_its_count : forall g k h, channel_valid (limits g k) h -> value k h = count h.
+Proof. reflexivity. Qed.
+
+Lemma nominal_that_stands_is_within : forall x g n, nominal_stepped x x g n = false.
+Proof. intros x g n. unfold nominal_stepped. apply Z.ltb_ge. lia. Qed.
+
+Lemma agitation_of_an_axis_is_counted : forall a m g,
+  channels_valid g (channels a) -> channels_valid g (shadow a) ->
+  let after := fst (act a m g) in
+  let second_difference := Z.abs (change (channels after Position) - change (channels a Position)) in
+  agitation after =
+    match refill g with
+    | Some r =>
+        if obtains m then Z.max 0 (Z.min (agitation a + second_difference) largest_sum - r) else 0
+    | None => 0
+    end /\
+  is_agitated a g = match refill g with Some r => 1000 * r <? agitation a | None => false end.
+Proof. intros. split; reflexivity. Qed.
+
+(** A decision lets nothing move that must rest in the next phase. *)
+Lemma decide_lets_rest : forall s f r, discrete_valid (handshake_ticks r) s ->
+  let d := decide s f r in
+  match phase (next d) with
+  | Listening => action d = Hold /\ (phase s = Listening \/ all_zero f = true)
+  | Handshake => action d = Hold /\ (phase s = Listening \/ phase s = Handshake)
+  | Submit => action d = Hold /\ (phase s = Handshake \/ phase s = Submit)
+  | _ => True
+  end.
+Proof.
+  intros s f r _ d. subst d. of_state s. unfold decide. simpl.
+  destruct p; cases; auto; repeat match goal with H : _ && _ = true |- _ => apply andb_prop in H; destruct H end; auto.
+Qed.
+
+Lemma session_axis_of_many_stays_valid : forall a g s f r m, (0 < handshake_ticks r)%nat ->
+  discrete_valid (handshake_ticks r) s -> axis_valid (phase s) g a ->
+  (all_zero f = true -> forall k, count (channels a k) = 0) ->
+  let d := decide s f r in
+  to_do m = action d -> obtains m = (match phase (next d) with Obtain => true | _ => false end) ->
+  shadow_to_do m = shadow_of (phase (next d)) f ->
+  axis_valid (phase (next d)) g (fst (act a m g)).
+Proof.
+  intros a g s f r m _ is_valid [own [shadows [rests [shadow_rests _]]]] zero d does obtained shadowed.
+  pose proof (decide_lets_rest s f r is_valid) as lets. cbv zeta in lets. subst d.
+  split; [|split; [|split; [|split]]]; simpl.
+  - intros k. apply acts_is_valid. apply own.
+  - intros k. destruct (shadow_to_do m); [apply acts_is_valid, shadows|]. unfold channel_valid. simpl. lia.
+  - intros is_resting k. rewrite does.
+    destruct is_resting as [next_is | [next_is | next_is]]; rewrite next_is in lets; destruct lets as [holding from];
+      rewrite holding; unfold at_zero; simpl; split; auto.
+    + destruct from as [listened | is_zero]; [apply rests; auto | auto].
+    + apply rests. destruct from; auto.
+    + apply rests. destruct from; auto.
+  - rewrite shadowed. destruct (phase (next (decide s f r))); auto; right; intros k; unfold at_zero; simpl; auto.
+  - rewrite obtained. destruct (phase (next (decide s f r))); auto. left. split; [reflexivity|discriminate].
+Qed.
+
+Lemma every_says : forall test, every test = true <-> (forall i, (i < N)%nat -> test i = true).
+Proof.
+  intros test. unfold every. rewrite forallb_forall. split; intros all i within.
+  - apply all. apply in_seq. lia.
+  - apply all. apply in_seq in within. lia.
+Qed.
+
+Lemma is_known_says : forall c found, is_known c found = true <-> known c found.
+Proof.
+  intros c found. unfold is_known, known, admits, all_kinds. rewrite every_says. simpl. split; intros all i.
+  - intros k within. specialize (all i within).
+    apply andb_prop in all as [all torque]. apply andb_prop in all as [place velocity].
+    destruct k; apply Z.leb_le; assumption.
+  - intros within. pose proof (all i Position within). pose proof (all i Velocity within).
+    pose proof (all i Torque within). rewrite !andb_true_iff, !Z.leb_le. auto.
+Qed.
+
+Definition settles := forall c s w, valid c s -> let after := settle c s w in
+  valid c after /\
+  match w with
+  | Taken => after = s
+  | Refused found =>
+      is_over (discrete after) = true /\ (withheld after = true <-> ~ known c found) /\
+      (known c found -> forall i, (i < N)%nat ->
+        (forall k, offsets (axes after i) k = offsets_in_force (found i) k) /\
+        nominal (axes after i) = nominal_in_force (found i) /\
+        (forall k, change (channels (axes after i) k) = 0)) /\
+      (~ known c found -> forall i, (i < N)%nat -> channels (axes after i) = channels (axes s i))
+  | Unknown => is_over (discrete after) = true /\ withheld after = true /\
+      forall i, (i < N)%nat -> channels (axes after i) = channels (axes s i)
+  end /\
+  epoch (discrete after) = epoch (discrete s) /\ accepted (discrete after) = accepted (discrete s) /\
+  rearm_released (discrete after) = rearm_released (discrete s).
+
+Lemma over_says : forall ticks s, discrete_valid ticks s ->
+  discrete_valid ticks (over s) /\ is_over (over s) = true /\ epoch (over s) = epoch s /\
+  accepted (over s) = accepted s /\ rearm_released (over s) = rearm_released s.
+Proof.
+  intros ticks s. of_state s. unfold discrete_valid, is_running, is_over, over. simpl.
+  intros [owns [missed [waited_ [faulty | [none no_latch]]]]]; destruct p; try discriminate; simpl; subst; auto 12.
+Qed.
+
+Lemma over_is_no_place_of_rest : forall s, is_over s = true ->
+  ~ (phase s = Listening \/ phase s = Handshake \/ phase s = Submit).
+Proof. intros s over [is_so | [is_so | is_so]]; unfold is_over in over; rewrite is_so in over; discriminate. Qed.
+
+Lemma withholds_is_valid : forall c s, valid c s -> valid c (withholds s).
+Proof.
+  intros c s [discrete_ok [axes_ok _]]. destruct (over_says _ _ discrete_ok) as [over_ok [is_over _]].
+  split; [exact over_ok|]. split; [|intros _; exact is_over].
+  intros i within. destruct (axes_ok i within) as [own _]. simpl.
+  split; [exact own|]. split; [intros k; unfold channel_valid; simpl; lia|].
+  split; [intros rests; destruct (over_is_no_place_of_rest _ is_over rests)|].
+  split; [right; intros k; unfold at_zero; auto|auto].
+Qed.
+
+Lemma rest_is_valid : forall c i found p, (forall k, admits (limits (axis_config c i) k) (offsets_in_force found k)) ->
+  (~ (p = Listening \/ p = Handshake \/ p = Submit) \/ forall k, offsets_in_force found k = 0) ->
+  axis_valid p (axis_config c i) (rest_at found).
+Proof.
+  intros c i found p within rests. unfold admits in within. simpl in within.
+  split; [intros k; unfold channel_valid; simpl; specialize (within k); lia|].
+  split; [intros k; unfold channel_valid; simpl; lia|]. split.
+  - intros is_resting. destruct rests as [none | zero]; [contradiction|]. intros k. unfold at_zero. simpl. auto.
+  - split; [right; intros k; unfold at_zero; auto|auto].
+Qed.
+
+Lemma all_settle : settles.
+Proof.
+  intros c s w is_valid after. pose proof is_valid as [discrete_ok [axes_ok _]].
+  pose proof (over_says _ _ discrete_ok) as [over_ok [is_over [same_epoch [same_sequence same_release]]]].
+  subst after. destruct w as [|found|]; simpl.
+  - auto 10.
+  - destruct (is_known c found) eqn:is_so; simpl.
+    + apply is_known_says in is_so. split.
+      * split; [exact over_ok|]. split; [|discriminate]. intros i within. simpl.
+        apply rest_is_valid; [intros k; apply is_so; exact within|left; apply over_is_no_place_of_rest; exact is_over].
+      * repeat split; auto; try discriminate; intros; contradiction.
+    + assert (~ known c found) as unknown by (rewrite <- is_known_says, is_so; discriminate).
+      split; [apply withholds_is_valid; exact is_valid|]. repeat split; auto; intros; contradiction.
+  - split; [apply withholds_is_valid; exact is_valid|]. repeat split; auto.
+Qed.
+Definition total_write (_ : N = 3%nat) := all_settle.
+Definition total_write_of_six (_ : N = 6%nat) := all_settle.
+
+Definition orders := forall c s i refused a, valid c s ->
+  let '(d, f, o) := order c s i refused a in
+  f = complete c s i refused a /\ do_all o = action d /\
+  all_obtain o = (match phase (next d) with Obtain => true | _ => false end) /\
+  shadows o = shadow_of (phase (next d)) f /\
+  holds o = (negb (is_read i) || off_path s && nominal_fault f).
+Lemma all_order : orders.
+Proof. intros c s i refused a _. simpl. auto. Qed.
+Definition session_orders_what_is_decided (_ : N = 3%nat) := all_order.
+Definition session_of_6_axes_orders_what_is_decided (_ : N = 6%nat) := all_order.
+
+Definition decides := forall c s i refused a, valid c s ->
+  let '(d, _, _) := order c s i refused a in
+  d = decide (discrete s) (complete c s i refused a) (rules c).
+Lemma all_decide : decides.
+Proof. intros c s i refused a _. reflexivity. Qed.
+Definition session_decides_by_the_rules (_ : N = 3%nat) := all_decide.
+Definition session_of_6_axes_decides_by_the_rules (_ : N = 6%nat) := all_decide.
+
+Definition has_parts := forall c s i refused a, valid c s ->
+  let '(d, _, o) := order c s i refused a in
+  let (after, out) := step c s i refused a in
+  let acted := carry_out c (axes s) o i a act_or_hold in
+  discrete after = next d /\
+  (forall axis, (axis < N)%nat ->
+    axes after axis = fst (acted axis) /\ references out axis = snd (acted axis)) /\
+  withheld after = withheld s /\ is_withheld out = withheld s /\ off_path after = holds o.
+Lemma all_have_parts : has_parts.
+Proof. intros c s i refused a _. simpl. auto 10. Qed.
+Definition session_step_is_its_parts (_ : N = 3%nat) := all_have_parts.
+Definition session_of_6_axes_step_is_its_parts (_ : N = 6%nat) := all_have_parts.
+
+Definition act_by_themselves := forall c s i a o by_itself axis, valid c s -> (axis < N)%nat ->
+  exists besides, carry_out c (axes s) o i a by_itself axis =
+    by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis besides, axis_config c axis)).
+Lemma all_act_by_themselves : act_by_themselves.
+Proof. intros c s i a o by_itself axis _ _. exists 0. reflexivity. Qed.
+Definition session_of_3_axes_acts_axis_by_axis (_ : N = 3%nat) := all_act_by_themselves.
+Definition session_of_6_axes_acts_axis_by_axis (_ : N = 6%nat) := all_act_by_themselves.
+
+Definition tick_has_parts := forall c s w events epochs i, valid c s ->
+  let settled := settle c s w in
+  let refused := match w with Taken => false | _ => true end in
+  let (after, out) := tick c s w events epochs i in
+  let (stepped, of_step) := step c settled i refused (classify c settled epochs events) in
+  discrete after = discrete stepped /\
+  (forall axis, (axis < N)%nat -> axes after axis = axes stepped axis /\
+    references out axis = references of_step axis) /\
+  withheld after = withheld stepped /\ off_path after = off_path stepped /\
+  is_withheld out = is_withheld of_step.
+Lemma all_ticks_have_parts : tick_has_parts.
+Proof. intros c s w events epochs i _. unfold tick. destruct (step _ _ _ _ _). auto 10. Qed.
+Definition session_tick_is_its_parts (_ : N = 3%nat) := all_ticks_have_parts.
+Definition session_of_6_axes_tick_is_its_parts (_ : N = 6%nat) := all_ticks_have_parts.
+
+Lemma sift_accepts_only_what_is_new : N = 3%nat -> forall c s epochs event a, valid c s ->
+  is_new (discrete s) (asked a) -> is_new (discrete s) (asked (sift c s epochs event a)).
+Proof.
+  intros _ c s epochs [from event] a _ [new_epoch new_sequence]. unfold sift.
+  destruct event as [|sequence mode goal|].
+  - destruct (phase (discrete s)); split; simpl; auto. intros whom e asked_for. inversion asked_for. lia.
+  - destruct (accepted (discrete s) <? sequence)%nat eqn:is_later; [|split; assumption].
+    apply Nat.ltb_lt in is_later. split; simpl; auto. intros x y is_it. inversion is_it. subst. exact is_later.
+  - split; assumption.
+Qed.
+
+Definition starts := forall c told,
+  match start c told with
+  | None => ~ known c (in_force told)
+  | Some s => known c (in_force told) /\ valid c s /\
+      (forall i, (i < N)%nat -> nominal (axes s i) = nominal_in_force (in_force told i) /\
+        forall k, offsets (axes s i) k = offsets_in_force (in_force told i) k) /\
+      withheld s = false /\ off_path s = true /\
+      (stop_latched told = true -> phase (discrete s) = Fault) /\
+      (stop_latched told = false -> phase (discrete s) = Listening \/ phase (discrete s) = SafeDisconnect) /\
+      rearm_released (discrete s) = false /\ epoch (discrete s) = 0%nat
+  end.
+Lemma all_start : starts.
+Proof.
+  intros c told. unfold start. destruct (is_known c (in_force told)) eqn:is_so.
+  - apply is_known_says in is_so. split; [exact is_so|]. simpl. split.
+    + split; [|split; [|discriminate]].
+      * destruct (stop_latched told); [|destruct (are_zero (in_force told))]; unfold discrete_valid; simpl; auto 10.
+      * intros i within. apply rest_is_valid; [intros k; apply is_so; exact within|]. simpl.
+        destruct (stop_latched told); [left; intros [none | [none | none]]; discriminate|].
+        destruct (are_zero (in_force told)) eqn:zero; [right|left; intros [none | [none | none]]; discriminate].
+        unfold are_zero in zero. rewrite every_says in zero. specialize (zero i within). unfold all_kinds in zero.
+        apply andb_prop in zero as [zero torque]. apply andb_prop in zero as [place velocity].
+        intros k. destruct k; apply Z.eqb_eq; assumption.
+    + repeat split; auto; destruct (stop_latched told); auto; try discriminate;
+        destruct (are_zero (in_force told)); auto.
+  - rewrite <- is_known_says, is_so. discriminate.
+Qed.
+Definition total_start (_ : N = 3%nat) := all_start.
+Definition total_start_of_six (_ : N = 6%nat) := all_start.
+
+Lemma type_limits : forall g k, 0 <= largest (limits g k) /\ 0 < rho (limits g k).
+Proof. intros. simpl. lia. Qed.
+Lemma type_budget : forall g r, refill g = Some r -> 0 < r <= 1000000.
+Proof. intros g r is_so. inversion is_so. lia. Qed.
+Lemma type_config : forall c, (0 < handshake_ticks (rules c))%nat.
+Proof. intros. simpl. lia. Qed.
+Lemma read_classify_is_one_by_one : forall c s epochs events,
+  classify c s epochs events = fold_left (fun a event => sift c s epochs event a) events nothing.
+Proof. reflexivity. Qed.
+
+End WitnessOf.
+
+Module ThreeAxes <: SIZE.
+  Definition axes_of_all := 3%nat.
+End ThreeAxes.
+Module SixAxes <: SIZE.
+  Definition axes_of_all := 6%nat.
+End SixAxes.
+Module OfThree := WitnessOf ThreeAxes.
+Module OfSix := WitnessOf SixAxes.
