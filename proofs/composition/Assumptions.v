@@ -20,6 +20,7 @@ Print Assumptions T9_a_stuck_rearm_leads_nowhere.
 Print Assumptions T21_drives_never_jump.
 Print Assumptions T21_unknown_is_not_written.
 Print Assumptions T21_path_is_waited_for.
+Print Assumptions T21_a_start_waits_for_its_path.
 Print Assumptions T22_silence_ends_in_listening.
 Print Assumptions T22_handshake_ends_in_listening.
 Print Assumptions T23_epochs_never_repeat.

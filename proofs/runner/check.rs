@@ -46,10 +46,7 @@ pub(crate) fn check(
     wrong.extend(sources::strays(root)?);
     wrong.extend(flags::in_manifests(root)?);
     wrong.extend(flags::build_scripts(root)?);
-    wrong.extend(composition::disagreements(
-        &read(&root.join("proofs/composition.md"))?,
-        manifest,
-    ));
+    wrong.extend(composition::disagreements(root, manifest, results)?);
     let unknown = results.unknown(manifest);
     wrong.extend(
         unknown
@@ -86,8 +83,12 @@ pub(crate) fn unproved(
     let open = standings.iter().filter(|(job, standing)| {
         job.mutant.is_none() && !matches!(standing, Standing::Current(_))
     });
+    let (sentences, of_runs) = composition::open(root, standings)?;
+    said.extend(sentences);
     let open: BTreeSet<&str> = open
-        .flat_map(|(job, _)| job.row.theorems.iter().map(String::as_str))
+        .flat_map(|(job, _)| job.row.theorems.iter())
+        .chain(&of_runs)
+        .map(String::as_str)
         .collect();
     let mut pages = if root.join("docs").is_dir() {
         files(&root.join("docs"))?

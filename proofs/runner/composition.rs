@@ -1,38 +1,161 @@
-//! The page `composition.md`: its axioms are rows of the manifest, at the stated number of axes.
+//! The composition: theorems about runs, checked by Coq, whose axioms are rows of the manifest.
+
+mod axioms;
+mod coq;
+mod page;
+mod record;
+
+use std::path::Path;
 
 use crate::manifest::Manifest;
+use crate::results::{Results, Standing, Standings};
+use crate::{files, read};
 
-/// Axioms that the manifest does not have, or has at another number of axes; rows that the text
-/// names and the manifest does not have.
-pub(crate) fn disagreements(page: &str, manifest: &Manifest) -> Vec<String> {
+pub(crate) use self::coq::prove;
+use self::record::Record;
+
+/// Folder of the sources, from the repository's root.
+const FOLDER: &str = "proofs/composition";
+/// Page for readers.
+const PAGE: &str = "proofs/composition.md";
+/// Sources, in the order in which they are compiled.
+const SOURCES: [&str; 5] = ["Rows", "Runs", "Witness", "Covers", "Assumptions"];
+/// Words that would take something for proved.
+const FORBIDDEN: [&str; 4] = ["Admitted", "admit", "give_up", "Unset"];
+
+/// Path of a source.
+fn source(root: &Path, name: &str) -> std::path::PathBuf {
+    root.join(FOLDER).join(format!("{name}.v"))
+}
+
+/// Everything that disagrees: an axiom says no more than its row.
+pub(crate) fn disagreements(
+    root: &Path,
+    manifest: &Manifest,
+    results: &Results,
+) -> Result<Vec<String>, String> {
+    let page = read(&root.join(PAGE))?;
+    let mut wrong = page::disagreements(&page, manifest);
+    if !source(root, "Rows").is_file() {
+        return Ok(wrong);
+    }
+    let mut properties = String::new();
+    for path in files(&root.join("proofs/src/properties"))? {
+        properties.push_str(&read(&path)?);
+    }
+    let witness = read(&source(root, "Witness"))?;
+    for axiom in axioms::axioms(&read(&source(root, "Rows"))?) {
+        wrong.extend(axiom.disagreements(manifest, results, &properties));
+        if axiom.is_read() && !page.contains(&axiom.name) {
+            wrong.push(format!(
+                "{PAGE}: does not say that {} is taken for granted",
+                axiom.name
+            ));
+        }
+        let has_proof = ["Lemma", "Definition"].iter().any(|word| {
+            witness
+                .split(&format!("{word} {}", axiom.name))
+                .skip(1)
+                .any(|rest| rest.starts_with([' ', '\n']))
+        });
+        if !has_proof {
+            wrong.push(format!("{FOLDER}/Witness.v: does not prove {}", axiom.name));
+        }
+    }
+    if written(root, manifest)?.is_some_and(|text| text != page) {
+        wrong.push(format!("{PAGE}: differs from its sources; run `table`"));
+    }
+    for name in SOURCES {
+        wrong.extend(taken_for_proved(name, &read(&source(root, name))?));
+    }
+    Ok(wrong)
+}
+
+/// Words of a source that take something for proved, outside the rows.
+fn taken_for_proved(name: &str, text: &str) -> Vec<String> {
+    let text = axioms::without_comments(text);
+    let words = text.split(|letter: char| !(letter.is_alphanumeric() || letter == '_'));
+    let mut is_type = false;
     let mut wrong = Vec::new();
-    for line in page.lines() {
-        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        let at = match cells.as_slice() {
-            ["", axiom, _, at, _, ""] if axiom.starts_with('A') => Some(*at),
-            _ => None,
-        };
-        // Names of rows, and not those of files.
-        let names = line
-            .split('`')
-            .skip(1)
-            .step_by(2)
-            .filter(|name| name.contains('_') && !name.contains(['.', ' ']));
-        for name in names {
-            match manifest.row(name) {
-                None => wrong.push(format!(
-                    "proofs/composition.md: {name} is not a row of the manifest"
-                )),
-                Some(row) if at.is_some_and(|at| !row.domain.starts_with(at)) => {
-                    wrong.push(format!(
-                        "proofs/composition.md: {name} is of {}, not of {}",
-                        row.domain,
-                        at.unwrap_or_default()
-                    ));
-                }
-                Some(_) => {}
+    for word in words {
+        match word {
+            "ROWS" => is_type = name == "Rows",
+            "Axiom" | "Axioms" | "Parameter" | "Parameters" | "Conjecture"
+                if !is_type && !(name == "Witness" && word == "Parameter") =>
+            {
+                wrong.push(format!("{FOLDER}/{name}.v: {word} outside the rows"));
             }
+            _ if FORBIDDEN.contains(&word) => {
+                wrong.push(format!("{FOLDER}/{name}.v: {word}"));
+            }
+            _ => {}
         }
     }
     wrong
+}
+
+/// Theorems (`T21`) of the composition that a row without a current result, or a stale composition,
+/// leaves open; and sentences about them.
+pub(crate) fn open(
+    root: &Path,
+    standings: &Standings<'_>,
+) -> Result<(Vec<String>, Vec<String>), String> {
+    let (mut said, mut open) = (Vec::new(), Vec::new());
+    if !source(root, "Rows").is_file() {
+        return Ok((said, open));
+    }
+    let record = Record::load(root)?;
+    let is_stale = record.sources != record::hash(root)?;
+    if is_stale {
+        said.push("STALE: composition (Coq has not checked these sources)".to_owned());
+    }
+    for (theorem, rows) in &record.theorems {
+        let row = rows.iter().find(|name| {
+            standings.iter().any(|(job, standing)| {
+                job.name() == *name && !matches!(standing, Standing::Current(_))
+            })
+        });
+        if let Some(row) = row {
+            said.push(format!(
+                "STALE: {theorem} (rests on {row}, which has no result on this source)"
+            ));
+        }
+        if is_stale || row.is_some() {
+            open.extend(numbers(theorem));
+        }
+    }
+    Ok((said, open))
+}
+
+/// Numbers in the name of a theorem: T1, T2 and T3 of `T1_T2_T3_no_offset_jumps`.
+fn numbers(theorem: &str) -> Vec<String> {
+    let parts = theorem.split('_');
+    let is_number = |part: &&str| {
+        part.strip_prefix('T').is_some_and(|number| {
+            !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
+        })
+    };
+    parts.filter(is_number).map(str::to_owned).collect()
+}
+
+/// Page with its lists as the sources have them.
+fn written(root: &Path, manifest: &Manifest) -> Result<Option<String>, String> {
+    if !source(root, "Rows").is_file() {
+        return Ok(None);
+    }
+    let axioms = axioms::axioms(&read(&source(root, "Rows"))?);
+    let (page, runs) = (read(&root.join(PAGE))?, read(&source(root, "Runs"))?);
+    let record = Record::load(root)?;
+    Ok(Some(page::with_lists(
+        &page, &axioms, manifest, &record, &runs,
+    )))
+}
+
+/// Writes the lists of the page.
+pub(crate) fn write(root: &Path, manifest: &Manifest) -> Result<(), String> {
+    let path = root.join(PAGE);
+    match written(root, manifest)? {
+        Some(text) => std::fs::write(&path, text).map_err(crate::at(&path)),
+        None => Ok(()),
+    }
 }

@@ -293,7 +293,7 @@ fn mutant_row(text: &mut String, mutant: &Mutant, manifest: &Manifest, cells: &C
 }
 
 /// Adds an item of a list.
-fn item(text: &mut String, words: &str) {
+pub(crate) fn item(text: &mut String, words: &str) {
     wrap(text, "- ", words);
 }
 

@@ -199,6 +199,13 @@ impl Hash {
     }
 }
 
+/// Hash of these texts.
+pub(crate) fn hash_of(texts: &[String]) -> String {
+    let mut hash = Hash::NONE;
+    texts.iter().for_each(|text| hash.add(text));
+    format!("{:032x}", hash.0)
+}
+
 /// Contents that several families depend on, read once.
 #[derive(Default)]
 struct Known {

@@ -20,7 +20,7 @@ use gantry_tau_core::verification::control::{
 };
 
 #[cfg(feature = "keys")]
-pub use keys::{Places, choose_tag, mac, new_key, tag};
+pub use keys::{Places, choose_tag, cookie_of_definition, cookie_of_keyring, mac, new_key, tag};
 
 static BIT: AtomicU32 = AtomicU32::new(0);
 static KEY: AtomicU32 = AtomicU32::new(0);

@@ -376,8 +376,7 @@ impl<const N: usize> Greeter<'_, N> {
     fn cookie(&self, nonce: &Nonce, window: u64) -> Cookie {
         let next = self.next.map_or(0, |next| next.0);
         let next = Epoch(next.saturating_add(self.gate.proven()));
-        let input = cookie_input(self.peer, nonce, next, window);
-        first(&self.cookie_key.mac(&[&input]))
+        cookie(self.cookie_key, self.peer, nonce, next, window)
     }
 
     /// Returns the cookies of a nonce in this window of ticks and in the one before.
@@ -385,6 +384,12 @@ impl<const N: usize> Greeter<'_, N> {
         let now = self.session.last_tick().0 / WINDOW;
         [now, now.wrapping_sub(1)].map(|window| self.cookie(nonce, window))
     }
+}
+
+/// Returns a cookie by its definition.
+#[must_use]
+pub fn cookie(key: &MacKey, peer: &[u8; 18], nonce: &Nonce, next: Epoch, window: u64) -> Cookie {
+    first(&key.mac(&[&cookie_input(peer, nonce, next, window)]))
 }
 
 /// Returns the first half of an HMAC.

@@ -2,7 +2,8 @@
 
 use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use gantry_tau_core::control::keys::{MacKey, Tag};
+use gantry_tau_core::control::keys::{Cookie, Keyring, MacKey, Nonce, Tag};
+use gantry_tau_core::units::Epoch;
 use gantry_tau_core::verification::control::keyed::{mac_key, states_of};
 
 static SECRET: AtomicUsize = AtomicUsize::new(0);
@@ -69,6 +70,39 @@ pub fn tag(key: &MacKey, bytes: &[u8], context: &[u8]) -> Tag {
     let byte = bytes.get(BYTE.load(Ordering::Relaxed)).copied();
     let behind = context.get(CONTEXT.load(Ordering::Relaxed)).copied();
     packed(key, (byte, bytes.len()), (behind, context.len()))
+}
+
+/// Cookie: an unknown function of an unknown byte of address and nonce, of epoch and window.
+fn cookie(peer: &[u8; 18], nonce: &Nonce, next: Epoch, window: u64) -> Cookie {
+    let place = BYTE.load(Ordering::Relaxed);
+    let bytes = u16::from_le_bytes([peer[place % 18], nonce[place % 16]]);
+    let all = u128::from(window) << 64 | u128::from(next.0.rotate_left(32) ^ u64::from(bytes));
+    let salt = u128::from(SALT.load(Ordering::Relaxed));
+    (all ^ salt).to_le_bytes()
+}
+
+/// As [`cookie`], in the place of that of a keyring.
+#[must_use]
+pub fn cookie_of_keyring(
+    _: &Keyring,
+    peer: &[u8; 18],
+    nonce: &Nonce,
+    next: Epoch,
+    window: u64,
+) -> Cookie {
+    cookie(peer, nonce, next, window)
+}
+
+/// As [`cookie`], in the place of its definition.
+#[must_use]
+pub fn cookie_of_definition(
+    _: &MacKey,
+    peer: &[u8; 18],
+    nonce: &Nonce,
+    next: Epoch,
+    window: u64,
+) -> Cookie {
+    cookie(peer, nonce, next, window)
 }
 
 /// A word of the key, bytes and lengths, each in its own place.

@@ -1,0 +1,186 @@
+//! Axioms of `Rows.v`, as far as they can be compared with the manifest: names, numbers of axes, and
+//! the texts of the assertions that they transcribe.
+
+use std::collections::BTreeMap;
+
+use crate::manifest::Manifest;
+use crate::results::Results;
+
+/// An axiom.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Axiom {
+    pub(super) name: String,
+    /// Number of axes that it is a statement about, if of one number only.
+    pub(super) axes: Option<u32>,
+    /// Texts of assertions.
+    pub(super) says: Vec<String>,
+}
+
+impl Axiom {
+    /// True for an invariant of a type.
+    pub(super) fn is_of_type(&self) -> bool {
+        self.name.starts_with("type_")
+    }
+
+    /// True for a statement read from the source.
+    pub(super) fn is_read(&self) -> bool {
+        self.name.starts_with("read_")
+    }
+
+    /// Everything in which it is not its row.
+    pub(super) fn disagreements(
+        &self,
+        manifest: &Manifest,
+        results: &Results,
+        properties: &str,
+    ) -> Vec<String> {
+        let name = &self.name;
+        if self.is_of_type() || self.is_read() {
+            return Vec::new();
+        }
+        let Some(row) = manifest.row(name) else {
+            return vec![format!(
+                "proofs/composition/Rows.v: {name} is not a row of the manifest"
+            )];
+        };
+        let mut wrong = Vec::new();
+        let of_row = [("three axes", 3), ("six axes", 6), ("one axis:", 1)];
+        let of_row = of_row
+            .into_iter()
+            .find_map(|(words, number)| row.domain.starts_with(words).then_some(number));
+        if of_row != self.axes {
+            wrong.push(format!(
+                "proofs/composition/Rows.v: {name} is of {}, its row of {}",
+                self.axes
+                    .map_or("any number of axes".to_owned(), |number| format!(
+                        "N = {number}"
+                    )),
+                row.domain
+            ));
+        }
+        if self.says.is_empty() {
+            wrong.push(format!(
+                "proofs/composition/Rows.v: {name} quotes no assertion"
+            ));
+        }
+        let states = results.get(name).map(|entry| entry.states.as_slice());
+        for text in &self.says {
+            let is_stated = states.is_none_or(|states| states.contains(text));
+            if !is_stated {
+                wrong.push(format!(
+                    "proofs/composition/Rows.v: {name} quotes \"{text}\", which its row does not state"
+                ));
+            }
+            if !properties.contains(&format!("\"{text}\"")) {
+                wrong.push(format!(
+                    "proofs/composition/Rows.v: {name} quotes \"{text}\", which no property says"
+                ));
+            }
+        }
+        wrong
+    }
+}
+
+/// Text without comments, which can be nested.
+pub(super) fn without_comments(text: &str) -> String {
+    let mut left = String::new();
+    let mut depth = 0_usize;
+    for part in text.split_inclusive("(*") {
+        let (part, opens) = match part.strip_suffix("(*") {
+            Some(part) => (part, true),
+            None => (part, false),
+        };
+        let mut rest = part;
+        while let (true, Some((_, behind))) = (depth > 0, rest.split_once("*)")) {
+            depth -= 1;
+            rest = behind;
+        }
+        if depth == 0 {
+            left.push_str(rest);
+        }
+        depth += usize::from(opens);
+    }
+    left
+}
+
+/// Axioms of a text. A definition's quotations are those of the axioms that say it.
+pub(super) fn axioms(text: &str) -> Vec<Axiom> {
+    let mut quoted: Vec<String> = Vec::new();
+    let mut of_definitions = BTreeMap::<&str, Vec<String>>::new();
+    let mut found = Vec::new();
+    let mut lines = text.lines().map(str::trim).peekable();
+    while let Some(line) = lines.next() {
+        if let Some(said) = line
+            .strip_prefix("(* says: \"")
+            .and_then(|rest| rest.strip_suffix("\" *)"))
+        {
+            quoted.push(said.to_owned());
+        } else if let Some(rest) = line.strip_prefix("Definition ") {
+            let name = rest.split([' ', ':']).next().unwrap_or_default();
+            of_definitions.insert(name, std::mem::take(&mut quoted));
+        } else if let Some((name, begins)) = line
+            .strip_prefix("Axiom ")
+            .and_then(|rest| rest.split_once(" :"))
+        {
+            let mut statement = begins.to_owned();
+            while !statement.ends_with('.') {
+                let Some(next) = lines.next() else { break };
+                statement.push(' ');
+                statement.push_str(next);
+            }
+            let mut says = std::mem::take(&mut quoted);
+            for word in statement.split(|letter: char| !(letter.is_alphanumeric() || letter == '_'))
+            {
+                says.extend(of_definitions.get(word).into_iter().flatten().cloned());
+            }
+            let axes = [3, 6]
+                .into_iter()
+                .find(|number| statement.contains(&format!("N = {number}%nat ->")));
+            found.push(Axiom {
+                name: name.to_owned(),
+                axes,
+                says,
+            });
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axioms_have_the_quotations_of_what_they_say() {
+        let text = "
+  (* says: \"T1: it moves\" *)
+  Definition moves := forall x,
+    f x = x.
+  Axiom row_of_three : N = 3%nat -> moves.
+  (* says: \"T2: it bends\" *)
+  Axiom row_of_any : forall x,
+    g x = x.
+  Axiom type_limits : forall x, 0 < x.
+";
+        let found = axioms(text);
+        let one = |name: &str, axes, says: &[&str]| Axiom {
+            name: name.to_owned(),
+            axes,
+            says: says.iter().map(|&said| said.to_owned()).collect(),
+        };
+        assert_eq!(
+            found,
+            [
+                one("row_of_three", Some(3), &["T1: it moves"]),
+                one("row_of_any", None, &["T2: it bends"]),
+                one("type_limits", None, &[]),
+            ]
+        );
+    }
+
+    #[test]
+    fn comments_are_nested() {
+        assert_eq!(without_comments("a (* b (* c *) d *) e"), "a  e");
+        assert_eq!(without_comments("a (* b *) c (* d *)"), "a  c ");
+    }
+}
