@@ -433,7 +433,6 @@ Module Type ROWS.
   Axiom session_step_is_its_parts : N = 3%nat -> has_parts.
   Axiom session_of_6_axes_step_is_its_parts : N = 6%nat -> has_parts.
 
-  (* says: "T1: every axis acts" *)
   (* says: "T1: an axis acts once" *)
   (* says: "T1: an axis acts from its own state" *)
   (* says: "T1: an axis acts on its own command" *)

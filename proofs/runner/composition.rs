@@ -8,10 +8,10 @@ mod record;
 use std::path::Path;
 
 use crate::manifest::Manifest;
-use crate::results::{Results, Standing, Standings};
+use crate::results::{Standing, Standings};
 use crate::{files, read};
 
-pub(crate) use self::coq::prove;
+pub(crate) use self::coq::{check, prove};
 use self::record::Record;
 
 /// Folder of the sources, from the repository's root.
@@ -32,20 +32,21 @@ fn source(root: &Path, name: &str) -> std::path::PathBuf {
 pub(crate) fn disagreements(
     root: &Path,
     manifest: &Manifest,
-    results: &Results,
+    standings: &Standings<'_>,
 ) -> Result<Vec<String>, String> {
     let page = read(&root.join(PAGE))?;
-    let mut wrong = page::disagreements(&page, manifest);
     if !source(root, "Rows").is_file() {
-        return Ok(wrong);
+        return Ok(page::disagreements(&page, manifest, ""));
     }
+    let (rows, runs) = (read(&source(root, "Rows"))?, read(&source(root, "Runs"))?);
+    let mut wrong = page::disagreements(&page, manifest, &(rows + &runs));
     let mut properties = String::new();
     for path in files(&root.join("proofs/src/properties"))? {
         properties.push_str(&read(&path)?);
     }
     let witness = read(&source(root, "Witness"))?;
     for axiom in axioms::axioms(&read(&source(root, "Rows"))?) {
-        wrong.extend(axiom.disagreements(manifest, results, &properties));
+        wrong.extend(axiom.disagreements(manifest, standings, &properties));
         if axiom.is_read() && !page.contains(&axiom.name) {
             wrong.push(format!(
                 "{PAGE}: does not say that {} is taken for granted",
@@ -78,10 +79,12 @@ fn taken_for_proved(name: &str, text: &str) -> Vec<String> {
     let mut is_type = false;
     let mut wrong = Vec::new();
     for word in words {
+        // The witness is of any number of axes, which is its argument.
+        let is_argument = name == "Witness" && word == "Parameter";
+        is_type |= name == "Rows" && word == "ROWS";
         match word {
-            "ROWS" => is_type = name == "Rows",
             "Axiom" | "Axioms" | "Parameter" | "Parameters" | "Conjecture"
-                if !is_type && !(name == "Witness" && word == "Parameter") =>
+                if !(is_type || is_argument) =>
             {
                 wrong.push(format!("{FOLDER}/{name}.v: {word} outside the rows"));
             }

@@ -59,6 +59,9 @@ enum Command {
         /// Also compile core with the mutants
         #[arg(long)]
         compile: bool,
+        /// Also let Coq check the composition
+        #[arg(long)]
+        coq: bool,
     },
     /// Show theorems, harnesses, mutants and walls
     List,
@@ -138,7 +141,11 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             let cells = page::cells(&results.standings(&manifest, &sources));
             report::list(&manifest, &cells);
         }
-        Command::Check { strict, compile } => {
+        Command::Check {
+            strict,
+            compile,
+            coq,
+        } => {
             let (results, sources) = (Results::load(&root)?, Sources::read(&root)?);
             let standings = results.standings(&manifest, &sources);
             files_agree(&root, &manifest, &results, &sources, &standings)?;
@@ -146,6 +153,9 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             if compile {
                 mutate::compile(&root, &manifest.mutants)?;
                 println!("check: core and C interface compile with every mutant");
+            }
+            if coq {
+                composition::check(&root)?;
             }
         }
         Command::Table => {

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::manifest::Manifest;
-use crate::results::Results;
+use crate::results::{Standing, Standings};
 
 /// An axiom.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ impl Axiom {
     pub(super) fn disagreements(
         &self,
         manifest: &Manifest,
-        results: &Results,
+        standings: &Standings<'_>,
         properties: &str,
     ) -> Vec<String> {
         let name = &self.name;
@@ -63,7 +63,10 @@ impl Axiom {
                 "proofs/composition/Rows.v: {name} quotes no assertion"
             ));
         }
-        let states = results.get(name).map(|entry| entry.states.as_slice());
+        let states = standings.iter().find_map(|(job, standing)| match standing {
+            Standing::Current(entry) if job.name() == name => Some(entry.states.as_slice()),
+            _ => None,
+        });
         for text in &self.says {
             let is_stated = states.is_none_or(|states| states.contains(text));
             if !is_stated {
@@ -92,13 +95,13 @@ pub(super) fn without_comments(text: &str) -> String {
         };
         let mut rest = part;
         while let (true, Some((_, behind))) = (depth > 0, rest.split_once("*)")) {
-            depth -= 1;
+            depth = depth.saturating_sub(1);
             rest = behind;
         }
         if depth == 0 {
             left.push_str(rest);
         }
-        depth += usize::from(opens);
+        depth = depth.saturating_add(usize::from(opens));
     }
     left
 }

@@ -32,32 +32,25 @@ struct Mutants {
     mutant: Vec<Mutant>,
 }
 
+/// Lets Coq check the composition, and compares what it rests on with the record.
+pub(crate) fn check(root: &Path) -> Result<(), Failure> {
+    let theorems = theorems(root, &root.join("target/composition"))?;
+    if Record::load(root)?.theorems != theorems {
+        let message = format!(
+            "{FOLDER}/results.json: the theorems rest on other axioms; run `prove composition`"
+        );
+        return Err(Failure(exit::FILES_DISAGREE, message));
+    }
+    Ok(())
+}
+
 /// Lets Coq check the composition; in the full tier the second checker as well, and the mutants.
 pub(crate) fn prove(root: &Path, tier: Tier) -> Result<(), Failure> {
-    let pinned = read(&root.join("proofs/coq-version"))?;
-    let version = version()?;
-    println!("Coq {version}");
-    if version != pinned.trim() {
-        println!("proofs/coq-version pins {}", pinned.trim());
-    }
     let build = root.join("target/composition");
-    std::fs::create_dir_all(&build).map_err(at(&build))?;
-    let mut printed = String::new();
-    for name in SOURCES {
-        copy(root, &build, name)?;
-        printed = compiled(&build, name)?;
-    }
-    let axioms = axioms::axioms(&read(&source(root, "Rows"))?);
-    let theorems = assumptions(&read(&source(root, "Assumptions"))?, &printed, &axioms)?;
-    println!(
-        "{} theorems rest on {} axioms",
-        theorems.len(),
-        axioms.len()
-    );
     let mut record = Record {
-        coq: version,
+        coq: version()?,
         sources: record::hash(root)?,
-        theorems,
+        theorems: theorems(root, &build)?,
         mutants: Record::load(root)?.mutants,
     };
     if tier == Tier::Full {
@@ -66,6 +59,27 @@ pub(crate) fn prove(root: &Path, tier: Tier) -> Result<(), Failure> {
     }
     record.save(root)?;
     Ok(())
+}
+
+/// Compiles the sources. Returns the axioms that each theorem rests on.
+fn theorems(root: &Path, build: &Path) -> Result<BTreeMap<String, Vec<String>>, Failure> {
+    let (version, pinned) = (version()?, read(&root.join("proofs/coq-version"))?);
+    println!("Coq {version}; proofs/coq-version pins {}", pinned.trim());
+    std::fs::create_dir_all(build).map_err(at(build))?;
+    let mut printed = String::new();
+    for name in SOURCES {
+        copy(root, build, name)?;
+        printed = compiled(build, name)?;
+    }
+    let axioms = axioms::axioms(&read(&source(root, "Rows"))?);
+    let asked = read(&source(root, "Assumptions"))?;
+    let theorems = assumptions(&asked, &printed, &axioms)?;
+    println!(
+        "{} theorems rest on {} axioms",
+        theorems.len(),
+        axioms.len()
+    );
+    Ok(theorems)
 }
 
 /// Version of Coq.

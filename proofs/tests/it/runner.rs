@@ -201,6 +201,15 @@ mod on_a_copy {
     /// File, text in it, replacement, and what `check` says then.
     const CASES: &str = r#"proofs/composition.md ~ | three axes | `total_start` ~ | six axes | `total_start` ~ total_start is of three axes
 proofs/composition.md ~ `total_write_of_six` ~ `total_write_of_seven` ~ total_write_of_seven is not a row
+proofs/composition.md ~ `read_classify_is_one_by_one`: the events ~ the events ~ proofs/composition.md: differs from its sources; run `table`
+proofs/composition/Rows.v ~ says: "T21: and waits for the path" ~ says: "T21: and waits" ~ total_start quotes "T21: and waits", which no property says
+proofs/composition/Rows.v ~ (* says: "T9: what stands has not stepped" *) ~ (* *) ~ nominal_that_stands_is_within quotes no assertion
+proofs/composition/Rows.v ~ Axiom total_write : N = 3%nat -> ~ Axiom total_write : N = 6%nat -> ~ total_write is of N = 6, its row of three axes
+proofs/composition/Rows.v ~ Axiom decide_no_session_ramps : ~ Axiom decide_no_session_rests : ~ Rows.v: decide_no_session_rests is not a row
+proofs/composition/Rows.v ~ Axiom type_limits : ~ Axiom type_bounds : ~ Witness.v: does not prove type_bounds
+proofs/composition/Runs.v ~ Proof. ~ Proof. admit. ~ proofs/composition/Runs.v: admit
+proofs/composition/Runs.v ~ Module Runs ~ Axiom of_nothing : False. Module Runs ~ Runs.v: Axiom outside the rows
+proofs/manifest.toml ~ domain = "six axes: any configuration, any valid session, any fate ~ domain = "three axes: any configuration, any valid session, any fate ~ total_write_of_six is of N = 6, its row of three axes
 proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ channel_ramp_is_exact: in the source, not in the manifest
 proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "ramp" ~ ramp: in the manifest, not in the source
 proofs/manifest.toml ~ name = "channel_ramp_is_exact" ~ name = "channel_ramp_is_bounded" ~ channel_ramp_is_bounded: occurs twice

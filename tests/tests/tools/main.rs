@@ -1,11 +1,12 @@
 //! Tests that need compilers for C, Valgrind, an emulator, Python, engines of rigid bodies, Wine,
-//! LinuxCNC, a browser, the reader of MCAP, another MainDevice of EtherCAT, systemd or Debian's
-//! tools: the C interface, the firmware, the client in Python and on Windows, what `solve` says of
+//! LinuxCNC, a browser, the reader of MCAP, another MainDevice of EtherCAT, systemd, Debian's tools or
+//! Coq: the C interface, the firmware, the client in Python and on Windows, what `solve` says of
 //! machines with masses, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT
-//! bus, the service, the package. A test whose tool is missing is reported as ignored, with the name
-//! of the tool.
+//! bus, the service, the package, the composition of the proofs. A test whose tool is missing is
+//! reported as ignored, with the name of the tool.
 
 mod capi;
+mod composition;
 mod engines;
 #[cfg(target_os = "linux")]
 mod ethercat;
@@ -34,6 +35,7 @@ fn main() {
         .or(threads.and_then(|threads| threads.parse().ok()));
     let mut trials = firmware::trials();
     trials.extend(capi::trials());
+    trials.extend(composition::trials());
     trials.extend(engines::trials());
     trials.extend(mcap::trials());
     trials.extend(monitor::trials());
