@@ -211,6 +211,7 @@ Proof.
   split; [congruence|]. intros k. rewrite same_offsets. auto.
 Qed.
 
+(** Server and drives belong together in every state of a run, and the server is valid. *)
 Theorem every_state_is_valid : forall c w, run c w -> consistent c w.
 Proof. induction 1; eauto using a_start_is_consistent, a_tick_is_consistent. Qed.
 
@@ -262,7 +263,7 @@ Proof.
   rewrite is_noted. repeat split; try assumption; try apply is_inside; congruence.
 Qed.
 
-(** README: "Can an offset jump?" In every tick of every run, from what is in force. *)
+(** In every tick of every run, from what is in force. *)
 Theorem T1_T2_T3_no_offset_jumps : forall c w input w' out axis k,
   run c w -> one_tick c w input w' out -> (axis < N)%nat ->
   let l := limits (axis_config c axis) k in
@@ -326,7 +327,7 @@ Proof.
   - destruct by_fate as [_ [unknown _]]. congruence.
 Qed.
 
-(** README: "Client, server or bus fails?" Whatever happened before, a write changes an offset in
+(** Whatever happened before, a write changes an offset in
     force at a drive by at most S, and the reference by no more than nominal and offset. *)
 Theorem T21_drives_never_jump : forall c w input w' out axis,
   run c w -> one_tick c w input w' out -> is_withheld out = false -> (axis < N)%nat ->
@@ -450,7 +451,7 @@ Qed.
 Definition misses_one c w input :=
   fate input = Taken /\ outranks_a_miss (facts c w input) = false /\ command (facts c w input) = None.
 
-(** README: "Lost packets?" The second miss in a row ends the session in its tick, and every channel
+(** The second miss in a row ends the session in its tick, and every channel
     takes a step of the ramp; unless the budget of misses has ended it with the first. *)
 Theorem T4_second_miss_ramps : forall c w0 i1 w1 o1 i2 w2 o2,
   run c w0 -> one_tick c w0 i1 w1 o1 -> one_tick c w1 i2 w2 o2 ->
@@ -526,7 +527,7 @@ Qed.
 
 (** * The ramp *)
 
-(** README: "What does the ramp do?" Without a session, and not at zero, every channel of every axis
+(** Without a session, and not at zero, every channel of every axis
     takes exactly min(rho, |value|) towards zero, and never past it, under any input. *)
 Theorem T5_exact : forall c w input w' out axis k,
   run c w -> one_tick c w input w' out -> is_over (discrete (settled c w input)) = true ->
@@ -598,7 +599,7 @@ Qed.
 
 (** * Who may command *)
 
-(** README: "Who may command?" A session begins only in Listening, for who asked, and while every
+(** A session begins only in Listening, for who asked, and while every
     offset in force at the drives, and every channel, is zero. *)
 Theorem T6_T21_granted_at_zero : forall c w input w' out,
   run c w -> one_tick c w input w' out ->
@@ -654,7 +655,7 @@ Proof.
   unfold decision in *. rewrite released, still, kept. reflexivity.
 Qed.
 
-(** README: "And a stop?" It leads to Fault in its tick, and every channel takes a step of the ramp;
+(** It leads to Fault in its tick, and every channel takes a step of the ramp;
     Fault lasts until a re-arm. *)
 Theorem T9_a_stop_is_not_forgotten : forall c w input w' out rest last,
   run c w -> one_tick c w input w' out -> stop (facts c w input) = true ->
@@ -841,7 +842,7 @@ Proof.
       destruct (type_limits (axis_config c axis) k) as [_ falls]. nia.
 Qed.
 
-(** README: "And silence?" A session that runs ends in Listening after 2 ticks and as many as the
+(** A session that runs ends in Listening after 2 ticks and as many as the
     slowest channel needs for its M, steps: ceil(M / rho), at least 1. *)
 Theorem T22_silence_ends_in_listening : forall c inputs w last steps,
   run c w -> is_running (discrete (server w)) = true ->
@@ -930,7 +931,7 @@ Proof.
   - apply rests. apply sift_accepts_only_what_is_new; auto using settled_is_valid.
 Qed.
 
-(** README: "Is a recorded session of use?" In the life of a server no epoch is granted twice; within
+(** In the life of a server no epoch is granted twice; within
     one, a sequence acts once. *)
 Theorem T23_epochs_never_repeat : N = 3%nat -> forall c w input w' out,
   run c w -> one_tick c w input w' out ->
@@ -973,7 +974,7 @@ Inductive obtains_for c axis : World -> nat -> Z -> World -> Prop :=
       (sum + Z.abs (change (channels (axes (server w') axis) Position) -
         change (channels (axes (server w) axis) Position))) w'.
 
-(** README: "May a client shake the machine?" The second differences of n ticks of Obtain sum up to at
+(** The second differences of n ticks of Obtain sum up to at
     most B + r n, with B a thousand times r, until the tick before the one that ends the session. *)
 Theorem T33_agitation_is_bounded : forall c axis w0 n sum w r,
   run c w0 -> (axis < N)%nat -> obtains_for c axis w0 n sum w ->
