@@ -46,7 +46,7 @@ pub(crate) fn check(
     wrong.extend(sources::strays(root)?);
     wrong.extend(flags::in_manifests(root)?);
     wrong.extend(flags::build_scripts(root)?);
-    wrong.extend(composition::disagreements(root, manifest, standings)?);
+    wrong.extend(composition::disagreements(root, manifest)?);
     let unknown = results.unknown(manifest);
     wrong.extend(
         unknown

@@ -8,6 +8,7 @@ mod record;
 use std::path::Path;
 
 use crate::manifest::Manifest;
+use crate::prove::Job;
 use crate::results::{Standing, Standings};
 use crate::{files, read};
 
@@ -29,11 +30,7 @@ fn source(root: &Path, name: &str) -> std::path::PathBuf {
 }
 
 /// Everything that disagrees: an axiom says no more than its row.
-pub(crate) fn disagreements(
-    root: &Path,
-    manifest: &Manifest,
-    standings: &Standings<'_>,
-) -> Result<Vec<String>, String> {
+pub(crate) fn disagreements(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
     let page = read(&root.join(PAGE))?;
     if !source(root, "Rows").is_file() {
         return Ok(page::disagreements(&page, manifest, ""));
@@ -46,8 +43,8 @@ pub(crate) fn disagreements(
     }
     let witness = read(&source(root, "Witness"))?;
     for axiom in axioms::axioms(&read(&source(root, "Rows"))?) {
-        wrong.extend(axiom.disagreements(manifest, standings, &properties));
-        if axiom.is_read() && !page.contains(&axiom.name) {
+        wrong.extend(axiom.disagreements(manifest, &properties));
+        if axiom.is_read() && !page::by_hand(&page).contains(&axiom.name) {
             wrong.push(format!(
                 "{PAGE}: does not say that {} is taken for granted",
                 axiom.name
@@ -107,6 +104,14 @@ pub(crate) fn open(
     if !source(root, "Rows").is_file() {
         return Ok((said, open));
     }
+    let (mut unstated, axioms) = (Vec::new(), axioms::axioms(&read(&source(root, "Rows"))?));
+    for axiom in &axioms {
+        let sentences = axiom.unstated(standings);
+        if !sentences.is_empty() {
+            unstated.push(&axiom.name);
+        }
+        said.extend(sentences);
+    }
     let record = Record::load(root)?;
     let is_stale = record.sources != record::hash(root)?;
     if is_stale {
@@ -114,9 +119,10 @@ pub(crate) fn open(
     }
     for (theorem, rows) in &record.theorems {
         let row = rows.iter().find(|name| {
-            standings.iter().any(|(job, standing)| {
+            let is_open = |(job, standing): &(Job<'_>, Standing<'_>)| {
                 job.name() == *name && !matches!(standing, Standing::Current(_))
-            })
+            };
+            unstated.contains(name) || standings.iter().any(is_open)
         });
         if let Some(row) = row {
             said.push(format!(

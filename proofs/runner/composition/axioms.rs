@@ -28,12 +28,7 @@ impl Axiom {
     }
 
     /// Everything in which it is not its row.
-    pub(super) fn disagreements(
-        &self,
-        manifest: &Manifest,
-        standings: &Standings<'_>,
-        properties: &str,
-    ) -> Vec<String> {
+    pub(super) fn disagreements(&self, manifest: &Manifest, properties: &str) -> Vec<String> {
         let name = &self.name;
         if self.is_of_type() || self.is_read() {
             return Vec::new();
@@ -63,17 +58,7 @@ impl Axiom {
                 "proofs/composition/Rows.v: {name} quotes no assertion"
             ));
         }
-        let states = standings.iter().find_map(|(job, standing)| match standing {
-            Standing::Current(entry) if job.name() == name => Some(entry.states.as_slice()),
-            _ => None,
-        });
         for text in &self.says {
-            let is_stated = states.is_none_or(|states| states.contains(text));
-            if !is_stated {
-                wrong.push(format!(
-                    "proofs/composition/Rows.v: {name} quotes \"{text}\", which its row does not state"
-                ));
-            }
             if !properties.contains(&format!("\"{text}\"")) {
                 wrong.push(format!(
                     "proofs/composition/Rows.v: {name} quotes \"{text}\", which no property says"
@@ -81,6 +66,25 @@ impl Axiom {
             }
         }
         wrong
+    }
+}
+
+impl Axiom {
+    /// Quotations that the result of its row does not have, if it has one on this source.
+    pub(super) fn unstated(&self, standings: &Standings<'_>) -> Vec<String> {
+        let states = standings.iter().find_map(|(job, standing)| match standing {
+            Standing::Current(entry) if job.name() == self.name => Some(entry.states.as_slice()),
+            _ => None,
+        });
+        let said = self.says.iter();
+        said.filter(|text| states.is_some_and(|states| !states.contains(text)))
+            .map(|text| {
+                format!(
+                    "STALE: {} (its axiom quotes \"{text}\", which the result does not have)",
+                    self.name
+                )
+            })
+            .collect()
     }
 }
 

@@ -53,6 +53,13 @@ pub(super) fn disagreements(page: &str, manifest: &Manifest, sources: &str) -> V
     wrong
 }
 
+/// Page without what `table` writes.
+pub(super) fn by_hand(page: &str) -> String {
+    let before = page.split(BEGIN).next().unwrap_or_default();
+    let after = page.split(END).nth(1).unwrap_or_default();
+    format!("{before}{after}")
+}
+
 /// Page with the lists of axioms and theorems. `runs` is the text of `Runs.v`, which has a sentence
 /// for each theorem.
 pub(super) fn with_lists(
