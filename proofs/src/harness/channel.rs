@@ -1,7 +1,8 @@
 //! Any valid channel, any limits that validation accepts, any target.
 
 use gantry_tau_core::control::channel::{Channel, Limits};
-use gantry_tau_core::units::{ChannelUnit, OffsetNm, TorquePermille, VelocityUmS};
+use gantry_tau_core::control::session::config::{AxisConfig, Config};
+use gantry_tau_core::units::{ChannelUnit, OffsetNm};
 
 use super::kani;
 use crate::properties::channel::{
@@ -19,10 +20,9 @@ fn any_channel<U: ChannelUnit>(limits: &Limits<U>) -> Channel<U> {
     channel
 }
 
-/// Any channel of a unit.
-fn check_value<U: ChannelUnit>() {
-    let limits: Limits<U> = kani::any();
-    value_is_its_count(any_channel(&limits));
+/// Any channel under limits of a configuration, which knows what its unit holds.
+fn check_value<U: ChannelUnit>(limits: &Limits<U>) {
+    value_is_its_count(any_channel(limits));
 }
 
 fn any_step_is_bounded(step: impl Fn(Position, &Limits<OffsetNm>) -> Position) {
@@ -43,9 +43,11 @@ harnesses! {
         let limits: Limits<OffsetNm> = kani::any();
         ramp_lowers_any_bound(any_channel(&limits), kani::any(), &limits);
     }
-    channel_value_is_its_count [minisat] {
-        check_value::<OffsetNm>();
-        check_value::<VelocityUmS>();
-        check_value::<TorquePermille>();
+    channel_value_is_its_count [minisat, unwind 3] {
+        let config: Config<1> = kani::any();
+        let [AxisConfig { limits, .. }] = config.parameters().axes;
+        check_value(&limits.position);
+        check_value(&limits.velocity);
+        check_value(&limits.torque);
     }
 }

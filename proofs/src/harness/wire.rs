@@ -110,7 +110,8 @@ harnesses! {
         kani::cover!(decoded, "some frames are messages");
     }
     wire_write_is_total [minisat] {
-        let mut room = [0; 128];
+        // The longest of the three, and more.
+        let mut room = [0; State::<1>::LENGTH + 1];
         let length = any_length(room.len());
         kani::cover!(length == 0, "no room at all");
         let written = kani::any::<Command<1>>().write(&mut room[..length]);
@@ -120,6 +121,7 @@ harnesses! {
         let written = kani::any::<State<1>>().write(&mut room[..length]);
         assert!(written.is_ok() == (length >= State::<1>::LENGTH));
         kani::cover!(written.is_err(), "some rooms are too small");
+        kani::cover!(written.is_ok(), "some rooms hold a State");
     }
     wire_frame_of_hello_is_canonical [minisat] { canonical_frame::<Hello, { framed(Hello::LENGTH) }>(Kind::Hello); }
     wire_frame_of_goodbye_is_canonical [minisat] { canonical_frame::<Epoch, { framed(Epoch::LENGTH) }>(Kind::Goodbye); }
