@@ -65,7 +65,7 @@ Record Axis := {
 
 Record AxisCommand := {
   to_do : Action; obtains : bool; shadow_to_do : option Action; target : Kind -> Z; nominal_now : Z;
-  besides : Z }.
+  remaining : Z }.
 Record Reference := { position : Z; pushes : Kind -> Z }.
 Record InForce := { nominal_in_force : Z; offsets_in_force : Kind -> Z }.
 
@@ -203,14 +203,14 @@ Module Type ROWS.
     all_zero := negb (withheld s) && every (fun axis => is_at_zero (axes s axis)) |}.
 
   (** The command of an order to an axis. *)
-  Definition command_of (o : Order) i a (own : Axis) axis besides := {|
+  Definition command_of (o : Order) i a (own : Axis) axis remaining := {|
     to_do := do_all o; obtains := all_obtain o; shadow_to_do := shadows o; target := targets a axis;
     nominal_now :=
       match reading i with
       | Some read => if holds o then nominal own else fst (read axis)
       | None => nominal own
       end;
-    besides := besides |}.
+    remaining := remaining |}.
 
   (** ** The decision *)
 
@@ -438,8 +438,8 @@ Module Type ROWS.
   (* says: "T1: an axis acts on its own command" *)
   (* says: "T1: an axis goes on as it acted" *)
   Definition act_by_themselves := forall c s i a o by_itself axis, valid c s -> (axis < N)%nat ->
-    exists besides, carry_out c (axes s) o i a by_itself axis =
-      by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis besides, axis_config c axis)).
+    exists remaining, carry_out c (axes s) o i a by_itself axis =
+      by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis remaining, axis_config c axis)).
 
   Axiom session_of_3_axes_acts_axis_by_axis : N = 3%nat -> act_by_themselves.
   Axiom session_of_6_axes_acts_axis_by_axis : N = 6%nat -> act_by_themselves.

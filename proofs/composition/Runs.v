@@ -113,7 +113,7 @@ Proof.
   repeat split; try congruence.
   intros axis is_axis.
   destruct (alone c (settled c w input) (cycle input) (heard c w input) o act_or_hold axis is_settled is_axis)
-    as [besides carried].
+    as [remaining carried].
   destruct (step_2 axis is_axis) as [same_axis same_reference].
   destruct (tick_2 axis is_axis) as [same_axis' same_reference'].
   rewrite carried in same_axis, same_reference. unfold act_or_hold in same_axis, same_reference.
@@ -988,7 +988,7 @@ Proof.
     as agitated_by_its_sum.
   { intros w' [[_ [are_valid _]] _]. destruct (are_valid axis is_axis) as [own [shadow _]].
     destruct (agitation_of_an_axis_is_counted (axes (server w') axis)
-      {| to_do := Hold; obtains := false; shadow_to_do := None; target := fun _ => 0; nominal_now := 0; besides := 0 |}
+      {| to_do := Hold; obtains := false; shadow_to_do := None; target := fun _ => 0; nominal_now := 0; remaining := 0 |}
       (axis_config c axis) own shadow) as [_ is_so].
     rewrite is_so, has_budget. reflexivity. }
   assert (consistent c w /\ (n = 0%nat \/ phase (discrete (server w)) = Obtain) /\

@@ -159,14 +159,14 @@ Definition complete c s i (refused : bool) a :=
   command := command f; hello := hello f;
   skipped := cycles i - 1;
   all_zero := negb (withheld s) && every (fun axis => is_at_zero (axes s axis)) |}.
-Definition command_of (o : Order) i a (own : Axis) axis besides := {|
+Definition command_of (o : Order) i a (own : Axis) axis remaining := {|
   to_do := do_all o; obtains := all_obtain o; shadow_to_do := shadows o; target := targets a axis;
   nominal_now :=
     match reading i with
     | Some read => if holds o then nominal own else fst (read axis)
     | None => nominal own
     end;
-  besides := besides |}.
+  remaining := remaining |}.
 
 (** ** A tick *)
 
@@ -607,8 +607,8 @@ Definition session_step_is_its_parts (_ : N = 3%nat) := all_have_parts.
 Definition session_of_6_axes_step_is_its_parts (_ : N = 6%nat) := all_have_parts.
 
 Definition act_by_themselves := forall c s i a o by_itself axis, valid c s -> (axis < N)%nat ->
-  exists besides, carry_out c (axes s) o i a by_itself axis =
-    by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis besides, axis_config c axis)).
+  exists remaining, carry_out c (axes s) o i a by_itself axis =
+    by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis remaining, axis_config c axis)).
 Lemma all_act_by_themselves : act_by_themselves.
 Proof. intros c s i a o by_itself axis _ _. exists 0. reflexivity. Qed.
 Definition session_of_3_axes_acts_axis_by_axis (_ : N = 3%nat) := all_act_by_themselves.

@@ -93,7 +93,7 @@ pub(super) fn with_lists(
         .unwrap_or_default();
     text.push_str("\nEvery theorem rests on these, the base:\n\n");
     item(&mut text, &names(base.iter().copied()));
-    text.push_str("\nTheorems, and what each rests on besides:\n\n");
+    text.push_str("\nTheorems, and what each rests on in addition:\n\n");
     let said = sentences(runs);
     for (theorem, rows) in &record.theorems {
         let more = rows.iter().filter(|row| !base.contains(row));
