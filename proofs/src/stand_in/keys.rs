@@ -81,7 +81,7 @@ fn cookie(peer: &[u8; 18], nonce: &Nonce, next: Epoch, window: u64) -> Cookie {
     (all ^ salt).to_le_bytes()
 }
 
-/// As [`cookie`], in the place of that of a keyring.
+/// Cookie of a keyring: the same unknown function.
 #[must_use]
 pub fn cookie_of_keyring(
     _: &Keyring,
@@ -93,7 +93,7 @@ pub fn cookie_of_keyring(
     cookie(peer, nonce, next, window)
 }
 
-/// As [`cookie`], in the place of its definition.
+/// Cookie by its definition: the same unknown function.
 #[must_use]
 pub fn cookie_of_definition(
     _: &MacKey,
