@@ -162,23 +162,25 @@ Example covers_T33 :
 Proof. vm_compute. repeat split. Qed.
 
 (** Of the witness the theorems rest on nothing. *)
-Print Assumptions every_state_is_valid.
-Print Assumptions T1_T2_T3_no_offset_jumps.
-Print Assumptions T2_over_three_states.
-Print Assumptions T3_reference_moves_no_further.
-Print Assumptions T4_second_miss_ramps.
-Print Assumptions T4_one_miss_is_tolerated.
-Print Assumptions T5_exact.
-Print Assumptions T5_ramp_ends.
-Print Assumptions T6_T21_granted_at_zero.
-Print Assumptions T9_a_stop_is_not_forgotten.
-Print Assumptions T9_latch_outlives_the_server.
-Print Assumptions T9_a_stuck_rearm_leads_nowhere.
-Print Assumptions T21_drives_never_jump.
-Print Assumptions T21_unknown_is_not_written.
-Print Assumptions T21_path_is_waited_for.
-Print Assumptions T21_a_start_waits_for_its_path.
-Print Assumptions T22_silence_ends_in_listening.
-Print Assumptions T22_handshake_ends_in_listening.
-Print Assumptions T23_epochs_never_repeat.
-Print Assumptions T33_agitation_is_bounded.
+Definition theorems := (
+  every_state_is_valid,
+  T1_T2_T3_no_offset_jumps,
+  T2_over_three_states,
+  T3_reference_moves_no_further,
+  T4_second_miss_ramps,
+  T4_one_miss_is_tolerated,
+  T5_exact,
+  T5_ramp_ends,
+  T6_T21_granted_at_zero,
+  T9_a_stop_is_not_forgotten,
+  T9_latch_outlives_the_server,
+  T9_a_stuck_rearm_leads_nowhere,
+  T21_drives_never_jump,
+  T21_unknown_is_not_written,
+  T21_path_is_waited_for,
+  T21_a_start_waits_for_its_path,
+  T22_silence_ends_in_listening,
+  T22_handshake_ends_in_listening,
+  T23_epochs_never_repeat,
+  T33_agitation_is_bounded).
+Print Assumptions theorems.
