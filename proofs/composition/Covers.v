@@ -1,4 +1,4 @@
-(** Runs of the witness of three axes, one for the premises of each theorem: none holds of nothing. *)
+(** Each theorem, said of a run of the witness of three axes: none is about nothing. *)
 From Coq Require Import ZArith List Bool Lia.
 From Composition Require Import Rows Runs Witness.
 Import ListNotations.
@@ -58,108 +58,115 @@ Proof.
   apply (rests (after w input)); auto. eapply goes_on; [exact ran|]. apply after_is_a_tick.
   unfold truthful. destruct (fate input); auto; discriminate.
 Qed.
-Lemma plays_are_ticks : forall (holds_at : World -> Input -> Prop) inputs w, all_taken w inputs = true ->
-  (forall before input rest, inputs = before ++ input :: rest -> holds_at (plays w before) input) ->
-  all_ticks tt holds_at w inputs (plays w inputs).
-Proof.
-  induction inputs as [|input rest rests]; intros w taken all; simpl; [reflexivity|].
-  simpl in taken. apply andb_prop in taken as [taken others].
-  split; [apply (all [] input rest); reflexivity|].
-  exists (after w input), (out_of w input). split.
-  - apply after_is_a_tick. unfold truthful. destruct (fate input); auto; discriminate.
-  - apply rests; [exact others|]. intros before next last is_so.
-    apply (all (input :: before) next last). simpl. rewrite is_so. reflexivity.
-Qed.
+
+(** Every tick of a run has a property: computed, one tick after the other. *)
+Ltac ticks := cbn [all_ticks]; repeat (split; [solve [repeat split; vm_compute; auto] |];
+  eexists; eexists; split; [apply after_is_a_tick; vm_compute; reflexivity |]); reflexivity.
+Ltac a_run := apply plays_is_a_run; [eapply begins, begun_is_started | vm_compute; reflexivity].
+Ltac computed := vm_compute; repeat split; auto; discriminate.
 
 (** A session that has asked for authority, and follows. *)
 Definition to_listening := plays (begun false) [silent].
 Definition to_handshake := plays (begun false) [silent; hears [Hello]].
+Definition to_submit := plays (begun false) [silent; hears [Hello]; hears [Command 1 ToSubmit 0]].
+Definition asks := hears [Command 2 ToObtain 20].
+Definition follows := hears [Command 3 ToObtain 20].
 Definition in_obtain := plays (begun false)
   [silent; hears [Hello]; hears [Command 1 ToSubmit 0]; hears [Command 2 ToObtain 20]].
-Definition at_10 := after in_obtain silent.
-Lemma in_obtain_ran : run tt in_obtain.
-Proof. apply plays_is_a_run; [eapply begins, begun_is_started|vm_compute; reflexivity]. Qed.
-Lemma to_handshake_ran : run tt to_handshake.
-Proof. apply plays_is_a_run; [eapply begins, begun_is_started|vm_compute; reflexivity]. Qed.
-
-(** T1 to T3, T21: an offset moves by its S, and is written. *)
-Example covers_T1_T21 : exists w input,
-  run tt w /\ one_tick tt w input (after w input) (out_of w input) /\ is_withheld (out_of w input) = false /\
-  offsets (axes (server (after w input)) 0%nat) Position - offsets (axes (server w) 0%nat) Position = 10.
-Proof.
-  exists in_obtain, (hears [Command 3 ToObtain 20]).
-  split; [exact in_obtain_ran|]. split; [apply after_is_a_tick; vm_compute; reflexivity|]. split; vm_compute; reflexivity.
-Qed.
-
-(** T4: two misses, the first of which a session survives. *)
-Example covers_T4 : misses_one tt in_obtain silent /\ misses_one tt at_10 silent /\
-  is_running (discrete (server in_obtain)) = true /\ is_running (discrete (server at_10)) = true /\
-  misses (discrete (server in_obtain)) = 0%nat /\ skipped (facts tt in_obtain silent) = 0%nat /\
-  by_budget (decision tt in_obtain silent) = false /\
-  phase (discrete (server (after at_10 silent))) = SafeDisconnect /\
-  command (facts tt at_10 (hears [Command 3 ToObtain 20])) <> None.
-Proof. vm_compute. repeat split. discriminate. Qed.
-
-(** T5: a ramp that begins away from zero. *)
-Definition over_at_20 := plays in_obtain [hears [Command 3 ToObtain 20]; hears [Command 4 ToObtain 20]; silent; silent].
-Example covers_T5 : is_over (discrete (server over_at_20)) = true /\
-  all_zero (facts tt over_at_20 silent) = false /\
-  count (channels (axes (server over_at_20) 0%nat) Position) = 10 /\
-  count (channels (axes (server (after over_at_20 silent)) 0%nat) Position) = 0.
-Proof. vm_compute. repeat split. Qed.
-
-(** T6, T21: a session is granted. *)
-Example covers_T6 : is_live (discrete (settled tt to_listening (hears [Hello]))) = false /\
-  is_live (discrete (server (after to_listening (hears [Hello])))) = true.
-Proof. vm_compute. split; reflexivity. Qed.
-
-(** T9: a stop at the machine; a server that starts latched. *)
-Example covers_T9 : stop (facts tt in_obtain stopped) = true /\
-  all_ticks tt (fun _ input => at_rearm (cycle input) = false) (after in_obtain stopped) [silent; silent]
-    (plays (after in_obtain stopped) [silent; silent]) /\
-  all_ticks tt (fun _ input => at_rearm (cycle input) = true) (begun true) [pressed; pressed]
-    (plays (begun true) [pressed; pressed]).
-Proof.
-  split; [vm_compute; reflexivity|]. split; apply plays_are_ticks; try (vm_compute; reflexivity); intros before input rest is_so.
-  - assert (In input [silent; silent]) as one by (rewrite is_so; apply in_or_app; simpl; auto).
-    simpl in one. intuition; subst; reflexivity.
-  - assert (In input [pressed; pressed]) as one by (rewrite is_so; apply in_or_app; simpl; auto).
-    simpl in one. intuition; subst; reflexivity.
-Qed.
-
-(** T21: a path that is far away while it is awaited, and when it is a fault. *)
+Definition after_a_miss := after in_obtain silent.
+Definition on_the_ramp := plays in_obtain [follows; hears [Command 4 ToObtain 20]; silent; silent].
+(** A path that is far away. *)
 Definition far := {| fate := Taken; events := []; epochs := tt; cycle := {|
   reading := Some (fun _ => (5000, 0)); at_stop := false; at_quit := false; at_rearm := false; elapsed := 1 |} |}.
-Example covers_T21 : phase (discrete (server (after in_obtain far))) = Fault /\
-  off_path (settled tt in_obtain far) = false /\
-  nominal_stepped (nominal_in_force (drives in_obtain 0%nat))
-    (nominal_in_force (demanded (server (after in_obtain far)) 0%nat)) tt (cycles (cycle far)) = true.
-Proof. vm_compute. repeat split. Qed.
+
+Lemma a_run_to_listening : run tt to_listening. Proof. a_run. Qed.
+Lemma a_run_to_handshake : run tt to_handshake. Proof. a_run. Qed.
+Lemma a_run_to_submit : run tt to_submit. Proof. a_run. Qed.
+Lemma a_run_to_obtain : run tt in_obtain. Proof. a_run. Qed.
+Lemma a_run_to_the_ramp : run tt on_the_ramp.
+Proof. apply plays_is_a_run; [exact a_run_to_obtain | vm_compute; reflexivity]. Qed.
+Lemma the_first : (0 < N)%nat. Proof. vm_compute. auto. Qed.
+
+Lemma a_step : one_tick tt in_obtain follows (after in_obtain follows) (out_of in_obtain follows).
+Proof. apply after_is_a_tick. computed. Qed.
+(** It moves by its S, and is written. *)
+Example moves : is_withheld (out_of in_obtain follows) = false /\
+  count (channels (axes (server (after in_obtain follows)) 0) Position) = 20 /\
+  count (channels (axes (server in_obtain) 0) Position) = 10.
+Proof. computed. Qed.
+
+Definition of_validity := every_state_is_valid three tt in_obtain a_run_to_obtain.
+Definition of_T1_T2_T3 := T1_T2_T3_no_offset_jumps three tt in_obtain follows _ _ 0%nat Position
+  a_run_to_obtain a_step the_first.
+Definition of_T3 := T3_reference_moves_no_further three tt in_obtain follows _ _ 0%nat a_run_to_obtain a_step the_first.
+Definition of_T21_jumps := T21_drives_never_jump three tt in_obtain follows _ _ 0%nat
+  a_run_to_obtain a_step (proj1 moves) the_first.
+Definition of_T21_unknown := T21_unknown_is_not_written three tt in_obtain follows _ _
+  a_run_to_obtain a_step (proj1 moves).
+
+Lemma a_second_step : one_tick tt (after in_obtain follows) silent (after (after in_obtain follows) silent)
+  (out_of (after in_obtain follows) silent).
+Proof. apply after_is_a_tick. computed. Qed.
+Definition of_T2 := T2_over_three_states three tt in_obtain follows _ _ silent _ _ 0%nat Position
+  a_run_to_obtain a_step a_second_step eq_refl eq_refl the_first.
+
+(** T4: two misses; and one, with a command after it. *)
+Definition of_T4_second := T4_second_miss_ramps three tt in_obtain silent _ _ silent _ _ a_run_to_obtain
+  (after_is_a_tick in_obtain silent ltac:(computed)) (after_is_a_tick after_a_miss silent ltac:(computed))
+  ltac:(computed) ltac:(computed) ltac:(computed) ltac:(computed) ltac:(computed).
+Definition of_T4_one := T4_one_miss_is_tolerated three tt in_obtain silent _ _ follows _ _ a_run_to_obtain
+  (after_is_a_tick in_obtain silent ltac:(computed)) (after_is_a_tick after_a_miss follows ltac:(computed))
+  ltac:(computed) ltac:(computed) ltac:(computed) ltac:(computed) ltac:(computed)
+  ltac:(computed) ltac:(computed) ltac:(computed) ltac:(computed) ltac:(computed).
+
+(** T5: a ramp from 10 to 0 in a step. *)
+Definition of_T5_exact := T5_exact three tt on_the_ramp silent _ _ 0%nat Position a_run_to_the_ramp
+  (after_is_a_tick on_the_ramp silent ltac:(computed)) ltac:(computed) ltac:(computed) the_first.
+Definition of_T5_ends := T5_ramp_ends three tt [silent] on_the_ramp (plays on_the_ramp [silent])
+  a_run_to_the_ramp ltac:(computed) ltac:(ticks) 0%nat Position the_first.
+
+(** T6, T21: a session is granted. *)
+Definition of_T6 := T6_T21_granted_at_zero three tt to_listening (hears [Hello]) _ _ a_run_to_listening
+  (after_is_a_tick to_listening (hears [Hello]) ltac:(computed)) ltac:(computed) ltac:(computed).
+
+(** T9: a stop at the machine; servers that start latched. *)
+Definition of_T9_stop := T9_a_stop_is_not_forgotten three tt in_obtain stopped _ _ [silent; silent]
+  (plays (after in_obtain stopped) [silent; silent]) a_run_to_obtain
+  (after_is_a_tick in_obtain stopped ltac:(computed)) ltac:(computed) ltac:(ticks).
+Definition of_T9_latch := T9_latch_outlives_the_server three tt (told true) (begun true) [silent; silent]
+  (plays (begun true) [silent; silent]) (begun_is_started true) eq_refl ltac:(ticks).
+Definition of_T9_stuck := T9_a_stuck_rearm_leads_nowhere three tt (told true) (begun true) [pressed; pressed]
+  (plays (begun true) [pressed; pressed]) (begun_is_started true) eq_refl ltac:(ticks).
+
+(** T21: a path that is far away is a fault, and a server that starts waits for it. *)
+Definition of_T21_path := T21_path_is_waited_for three tt in_obtain far _ _ 0%nat a_run_to_obtain
+  (after_is_a_tick in_obtain far ltac:(computed)) ltac:(computed) the_first ltac:(computed).
+Definition of_T21_start := T21_a_start_waits_for_its_path three tt (told false) (begun false) far _ _ 0%nat
+  (begun_is_started false) (after_is_a_tick (begun false) far ltac:(computed)) eq_refl ltac:(computed) the_first.
 
 (** T22: silence, from a session that follows and from one that waits for its first command. *)
-Example covers_T22 : forall axis k, (axis < N)%nat ->
-  largest (limits (axis_config tt axis) k) <= Z.of_nat 2 * rho (limits (axis_config tt axis) k).
-Proof. intros. simpl. lia. Qed.
-Example silence_of_T22 :
-  phase (discrete (server (plays in_obtain [silent; silent; silent; silent]))) = Listening /\
-  phase (discrete (server to_handshake)) = Handshake /\
-  phase (discrete (server (plays to_handshake [silent; silent; silent]))) = Listening.
-Proof. vm_compute. repeat split. Qed.
-Example hears_nothing_of_T22 : hears_nothing tt in_obtain silent /\ hears_nothing tt at_10 silent.
-Proof. repeat split; vm_compute; auto. Qed.
+Definition of_T22_silence := T22_silence_ends_in_listening three tt [silent; silent; silent; silent] in_obtain
+  (plays in_obtain [silent; silent; silent; silent]) 2 a_run_to_obtain ltac:(computed)
+  (fun _ _ _ => ltac:(simpl; lia)) ltac:(lia) ltac:(simpl; lia) ltac:(ticks).
+Definition of_T22_handshake := T22_handshake_ends_in_listening three tt [silent; silent; silent] to_handshake
+  (plays to_handshake [silent; silent; silent]) a_run_to_handshake ltac:(computed) ltac:(simpl; lia) ltac:(ticks).
 
 (** T23: a grant, and a command that acts. *)
-Example covers_T23 :
-  (epoch (discrete (server to_listening)) < epoch (discrete (server (after to_listening (hears [Hello])))))%nat /\
-  action (decision tt in_obtain (hears [Command 3 ToObtain 20])) = Follow.
-Proof. split; [simpl; lia|reflexivity]. Qed.
+Definition of_T23_grant := T23_epochs_never_repeat three eq_refl tt to_listening (hears [Hello]) _ _
+  a_run_to_listening (after_is_a_tick to_listening (hears [Hello]) ltac:(computed)).
+Definition of_T23_command := T23_epochs_never_repeat three eq_refl tt in_obtain follows _ _ a_run_to_obtain a_step.
+Example acts : is_live (discrete (server (after to_listening (hears [Hello])))) = true /\
+  epoch (discrete (server (after in_obtain follows))) = epoch (discrete (server in_obtain)) /\
+  action (decision tt in_obtain follows) = Follow.
+Proof. computed. Qed.
 
-(** T33: a tick of Obtain that counts. *)
-Example covers_T33 :
-  agitation (axes (server to_listening) 0%nat) = 0 /\
-  phase (discrete (server in_obtain)) = Obtain /\
-  is_agitated (axes (server in_obtain) 0%nat) (axis_config tt 0) = false.
-Proof. vm_compute. repeat split. Qed.
+(** T33: two ticks of Obtain whose second differences are counted. *)
+Definition first_of_obtain := and_then tt 0%nat to_submit 0 0 to_submit asks _ _
+  (at_first tt 0%nat to_submit ltac:(computed)) (after_is_a_tick to_submit asks ltac:(computed)) eq_refl ltac:(computed).
+Definition second_of_obtain := and_then tt 0%nat to_submit 1 _ (after to_submit asks) follows _ _
+  first_of_obtain (after_is_a_tick (after to_submit asks) follows ltac:(computed)) eq_refl ltac:(computed).
+Definition of_T33 := T33_agitation_is_bounded three tt 0%nat to_submit 2 _ _ 10 a_run_to_submit the_first
+  second_of_obtain eq_refl ltac:(computed).
 
 (** Of the witness the theorems rest on nothing. *)
 Definition theorems := (

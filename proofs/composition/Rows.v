@@ -115,7 +115,8 @@ Definition outranks_a_miss f :=
 
 (** * Rows *)
 
-Module Type ROWS.
+(** Configurations, and functions of core that terms are about. *)
+Module Type FUNCTIONS.
 
   (** Number of axes. *)
   Parameter N : nat.
@@ -139,18 +140,12 @@ Module Type ROWS.
   Parameter nominal_stepped : Z -> Z -> AxisConfig -> nat -> bool.
   Parameter nominal_accelerated : Axis -> Z -> AxisConfig -> bool.
   Parameter is_agitated : Axis -> AxisConfig -> bool.
-  Parameter sift : Config -> Server -> Epochs -> nat * Event -> Accepted -> Accepted.
-  Parameter classify : Config -> Server -> Epochs -> list (nat * Event) -> Accepted.
-  Parameter order : Config -> Server -> TickInput -> bool -> Accepted -> Decision * FsmInput * Order.
-  Parameter carry_out : Config -> (nat -> Axis) -> Order -> TickInput -> Accepted ->
-    (Axis -> option (AxisCommand * AxisConfig) -> Axis * Reference) -> nat -> Axis * Reference.
-  Parameter settle : Config -> Server -> LastWrite -> Server.
-  Parameter step : Config -> Server -> TickInput -> bool -> Accepted -> Server * Output.
-  Parameter tick :
-    Config -> Server -> LastWrite -> list (nat * Event) -> Epochs -> TickInput -> Server * Output.
-  Parameter start : Config -> Start -> option Server.
+End FUNCTIONS.
 
-  (** What rows call valid, known, complete. *)
+(** What rows call valid, known, complete. *)
+Module Terms (F : FUNCTIONS).
+  Import F.
+
   Definition channels_valid (g : AxisConfig) (of_axis : Kind -> Channel) :=
     forall k, channel_valid (limits g k) (of_axis k).
   Definition channels_at_zero (of_axis : Kind -> Channel) := forall k, at_zero (of_axis k).
@@ -211,6 +206,152 @@ Module Type ROWS.
       | None => nominal own
       end;
     remaining := remaining |}.
+  (** What an axis does with a command, or without one. *)
+  Definition act_or_hold a (m : option (AxisCommand * AxisConfig)) :=
+    match m with Some (m, g) => act a m g | None => held a end.
+End Terms.
+
+(** All functions of core, and the terms. *)
+Module Type CORE.
+  Include FUNCTIONS.
+  Include Terms.
+
+  Parameter sift : Config -> Server -> Epochs -> nat * Event -> Accepted -> Accepted.
+  Parameter classify : Config -> Server -> Epochs -> list (nat * Event) -> Accepted.
+  Parameter order : Config -> Server -> TickInput -> bool -> Accepted -> Decision * FsmInput * Order.
+  Parameter carry_out : Config -> (nat -> Axis) -> Order -> TickInput -> Accepted ->
+    (Axis -> option (AxisCommand * AxisConfig) -> Axis * Reference) -> nat -> Axis * Reference.
+  Parameter settle : Config -> Server -> LastWrite -> Server.
+  Parameter step : Config -> Server -> TickInput -> bool -> Accepted -> Server * Output.
+  Parameter tick :
+    Config -> Server -> LastWrite -> list (nat * Event) -> Epochs -> TickInput -> Server * Output.
+  Parameter start : Config -> Start -> option Server.
+End CORE.
+
+(** What several rows say, of three axes and of six, or of a kind of channel. *)
+Module Statements (C : CORE).
+  Import C.
+
+  (* says: "T1: |change| <= S" *)
+  (* says: "T3: |value| <= M" *)
+  (* says: "the invariant is kept" *)
+  (* says: "the change is what changed" *)
+  (* says: "T2: |change of change| <= A" *)
+  (* says: "T5: never past zero" *)
+  (* says: "T5: exactly min(rho, |value|)" *)
+  (* says: "T3: inside the travel" *)
+  (* says: "T3: the reference is nominal plus offset, clamped to the travel" *)
+  (* says: "T3: the nominal reference is noted" *)
+  Definition bounded_in (k : Kind) := forall a m g,
+    channels_valid g (channels a) -> channels_valid g (shadow a) ->
+    let (after, reference) := act a m g in
+    let l := limits g k in
+    let before_k := channels a k in let after_k := channels after k in
+    Z.abs (count after_k - count before_k) <= step_limit l /\
+    admits l (value k after_k) /\
+    channel_valid l after_k /\
+    count after_k - count before_k = change after_k /\
+    Z.abs (change after_k - change before_k) <= accel l /\
+    (to_do m = Ramp -> ramped l before_k after_k) /\
+    position reference = clamp (lower g) (upper g) (nominal_now m + offsets after Position) /\
+    lower g <= position reference <= upper g /\
+    nominal after = nominal_now m.
+
+  (* says: "T12: the invariant is kept" *)
+  (* says: "T12: nothing to settle" *)
+  (* says: "T12: the session is over" *)
+  (* says: "T12: withheld unless the values in force are known and valid" *)
+  (* says: "T12: goes on from the values in force" *)
+  (* says: "T2: goes on at rest" *)
+  (* says: "T12: keeps what it believes" *)
+  (* says: "T23: a write changes no epoch, no sequence and no owner" *)
+  Definition settles := forall c s w, valid c s -> let after := settle c s w in
+    valid c after /\
+    match w with
+    | Taken => after = s
+    | Refused found =>
+        is_over (discrete after) = true /\ (~ known c found -> withheld after = true) /\
+        (known c found -> forall i, (i < N)%nat ->
+          (forall k, offsets (axes after i) k = offsets_in_force (found i) k) /\
+          nominal (axes after i) = nominal_in_force (found i) /\
+          (forall k, change (channels (axes after i) k) = 0))
+    | Unknown => is_over (discrete after) = true /\ withheld after = true /\
+        forall i, (i < N)%nat -> channels (axes after i) = channels (axes s i)
+    end /\
+    epoch (discrete after) = epoch (discrete s) /\ accepted (discrete after) = accepted (discrete s) /\
+    rearm_released (discrete after) = rearm_released (discrete s).
+
+  (* says: "T9: the decision sees what is known" *)
+  (* says: "T9: ordered is what is decided" *)
+  Definition orders := forall c s i refused a, valid c s ->
+    let '(d, f, o) := order c s i refused a in
+    f = complete c s i refused a /\ do_all o = action d /\
+    all_obtain o = (match phase (next d) with Obtain => true | _ => false end) /\
+    shadows o = shadow_of (phase (next d)) f /\
+    holds o = (negb (is_read i) || off_path s && nominal_fault f).
+
+  (* says: "T9: ordered by the rules" *)
+  Definition decides := forall c s i refused a, valid c s ->
+    let '(d, _, _) := order c s i refused a in
+    d = decide (discrete s) (complete c s i refused a) (rules c).
+
+  (* says: "T9: the session goes on as decided" *)
+  (* says: "T1: the axes are what they became" *)
+  (* says: "T3: the references are those of the axes" *)
+  (* says: "T21: a step changes nothing of what is withheld" *)
+  (* says: "T21: off the path if the axes were held" *)
+  Definition has_parts := forall c s i refused a, valid c s ->
+    let '(d, _, o) := order c s i refused a in
+    let (after, out) := step c s i refused a in
+    let acted := carry_out c (axes s) o i a act_or_hold in
+    discrete after = next d /\
+    (forall axis, (axis < N)%nat ->
+      axes after axis = fst (acted axis) /\ references out axis = snd (acted axis)) /\
+    withheld after = withheld s /\ is_withheld out = withheld s /\ off_path after = holds o.
+
+  (* says: "T1: an axis acts once" *)
+  (* says: "T1: an axis acts from its own state" *)
+  (* says: "T1: an axis acts on its own command" *)
+  (* says: "T1: an axis goes on as it acted" *)
+  Definition act_by_themselves := forall c s i a o by_itself axis, valid c s -> (axis < N)%nat ->
+    exists remaining, carry_out c (axes s) o i a by_itself axis =
+      by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis remaining, axis_config c axis)).
+
+  (* says: "T12: a tick is its parts" *)
+  (* says: "T12: a tick knows of the drives what its parts know" *)
+  (* says: "T12: the references of a tick are those of its step" *)
+  Definition tick_has_parts := forall c s w events epochs i, valid c s ->
+    let settled := settle c s w in
+    let refused := match w with Taken => false | _ => true end in
+    let (after, out) := tick c s w events epochs i in
+    let (stepped, of_step) := step c settled i refused (classify c settled epochs events) in
+    discrete after = discrete stepped /\
+    (forall axis, (axis < N)%nat -> axes after axis = axes stepped axis /\
+      references out axis = references of_step axis) /\
+    withheld after = withheld stepped /\ off_path after = off_path stepped /\
+    is_withheld out = is_withheld of_step.
+
+  (* says: "T12: a session starts valid" *)
+  (* says: "T21: a server starts with what is in force" *)
+  (* says: "T21: a server that starts may write" *)
+  (* says: "T21: and waits for the path" *)
+  (* says: "T9: a latched stop outlives the server" *)
+  (* says: "T9: a stuck re-arm leads nowhere" *)
+  Definition starts := forall c told,
+    match start c told with
+    | None => True
+    | Some s => known c (in_force told) /\ valid c s /\
+        (forall i, (i < N)%nat -> nominal (axes s i) = nominal_in_force (in_force told i) /\
+          forall k, offsets (axes s i) k = offsets_in_force (in_force told i) k) /\
+        withheld s = false /\ off_path s = true /\
+        (stop_latched told = true -> phase (discrete s) = Fault) /\
+        rearm_released (discrete s) = false
+    end.
+End Statements.
+
+Module Type ROWS.
+  Include CORE.
+  Include Statements.
 
   (** ** The decision *)
 
@@ -304,31 +445,6 @@ Module Type ROWS.
 
   (** ** An axis *)
 
-  (* says: "T1: |change| <= S" *)
-  (* says: "T3: |value| <= M" *)
-  (* says: "the invariant is kept" *)
-  (* says: "the change is what changed" *)
-  (* says: "T2: |change of change| <= A" *)
-  (* says: "T5: never past zero" *)
-  (* says: "T5: exactly min(rho, |value|)" *)
-  (* says: "T3: inside the travel" *)
-  (* says: "T3: the reference is nominal plus offset, clamped to the travel" *)
-  (* says: "T3: the nominal reference is noted" *)
-  Definition bounded_in (k : Kind) := forall a m g,
-    channels_valid g (channels a) -> channels_valid g (shadow a) ->
-    let (after, reference) := act a m g in
-    let l := limits g k in
-    let before_k := channels a k in let after_k := channels after k in
-    Z.abs (count after_k - count before_k) <= step_limit l /\
-    admits l (value k after_k) /\
-    channel_valid l after_k /\
-    count after_k - count before_k = change after_k /\
-    Z.abs (change after_k - change before_k) <= accel l /\
-    (to_do m = Ramp -> ramped l before_k after_k) /\
-    position reference = clamp (lower g) (upper g) (nominal_now m + offsets after Position) /\
-    lower g <= position reference <= upper g /\
-    nominal after = nominal_now m.
-
   Axiom axis_position_is_bounded : bounded_in Position.
   Axiom axis_velocity_is_bounded : bounded_in Velocity.
   Axiom axis_torque_is_bounded : bounded_in Torque.
@@ -367,96 +483,20 @@ Module Type ROWS.
 
   (** ** A tick *)
 
-  (* says: "T12: the invariant is kept" *)
-  (* says: "T12: nothing to settle" *)
-  (* says: "T12: the session is over" *)
-  (* says: "T12: withheld unless the values in force are known and valid" *)
-  (* says: "T12: goes on from the values in force" *)
-  (* says: "T2: goes on at rest" *)
-  (* says: "T12: keeps what it believes" *)
-  (* says: "T23: a write changes no epoch, no sequence and no owner" *)
-  Definition settles := forall c s w, valid c s -> let after := settle c s w in
-    valid c after /\
-    match w with
-    | Taken => after = s
-    | Refused found =>
-        is_over (discrete after) = true /\ (~ known c found -> withheld after = true) /\
-        (known c found -> forall i, (i < N)%nat ->
-          (forall k, offsets (axes after i) k = offsets_in_force (found i) k) /\
-          nominal (axes after i) = nominal_in_force (found i) /\
-          (forall k, change (channels (axes after i) k) = 0))
-    | Unknown => is_over (discrete after) = true /\ withheld after = true /\
-        forall i, (i < N)%nat -> channels (axes after i) = channels (axes s i)
-    end /\
-    epoch (discrete after) = epoch (discrete s) /\ accepted (discrete after) = accepted (discrete s) /\
-    rearm_released (discrete after) = rearm_released (discrete s).
-
   Axiom total_write : N = 3%nat -> settles.
   Axiom total_write_of_six : N = 6%nat -> settles.
-
-  (* says: "T9: the decision sees what is known" *)
-  (* says: "T9: ordered is what is decided" *)
-  Definition orders := forall c s i refused a, valid c s ->
-    let '(d, f, o) := order c s i refused a in
-    f = complete c s i refused a /\ do_all o = action d /\
-    all_obtain o = (match phase (next d) with Obtain => true | _ => false end) /\
-    shadows o = shadow_of (phase (next d)) f /\
-    holds o = (negb (is_read i) || off_path s && nominal_fault f).
 
   Axiom session_orders_what_is_decided : N = 3%nat -> orders.
   Axiom session_of_6_axes_orders_what_is_decided : N = 6%nat -> orders.
 
-  (* says: "T9: ordered by the rules" *)
-  Definition decides := forall c s i refused a, valid c s ->
-    let '(d, _, _) := order c s i refused a in
-    d = decide (discrete s) (complete c s i refused a) (rules c).
-
   Axiom session_decides_by_the_rules : N = 3%nat -> decides.
   Axiom session_of_6_axes_decides_by_the_rules : N = 6%nat -> decides.
-
-  Definition act_or_hold a (m : option (AxisCommand * AxisConfig)) :=
-    match m with Some (m, g) => act a m g | None => held a end.
-  (* says: "T9: the session goes on as decided" *)
-  (* says: "T1: the axes are what they became" *)
-  (* says: "T3: the references are those of the axes" *)
-  (* says: "T21: a step changes nothing of what is withheld" *)
-  (* says: "T21: off the path if the axes were held" *)
-  Definition has_parts := forall c s i refused a, valid c s ->
-    let '(d, _, o) := order c s i refused a in
-    let (after, out) := step c s i refused a in
-    let acted := carry_out c (axes s) o i a act_or_hold in
-    discrete after = next d /\
-    (forall axis, (axis < N)%nat ->
-      axes after axis = fst (acted axis) /\ references out axis = snd (acted axis)) /\
-    withheld after = withheld s /\ is_withheld out = withheld s /\ off_path after = holds o.
 
   Axiom session_step_is_its_parts : N = 3%nat -> has_parts.
   Axiom session_of_6_axes_step_is_its_parts : N = 6%nat -> has_parts.
 
-  (* says: "T1: an axis acts once" *)
-  (* says: "T1: an axis acts from its own state" *)
-  (* says: "T1: an axis acts on its own command" *)
-  (* says: "T1: an axis goes on as it acted" *)
-  Definition act_by_themselves := forall c s i a o by_itself axis, valid c s -> (axis < N)%nat ->
-    exists remaining, carry_out c (axes s) o i a by_itself axis =
-      by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis remaining, axis_config c axis)).
-
   Axiom session_of_3_axes_acts_axis_by_axis : N = 3%nat -> act_by_themselves.
   Axiom session_of_6_axes_acts_axis_by_axis : N = 6%nat -> act_by_themselves.
-
-  (* says: "T12: a tick is its parts" *)
-  (* says: "T12: a tick knows of the drives what its parts know" *)
-  (* says: "T12: the references of a tick are those of its step" *)
-  Definition tick_has_parts := forall c s w events epochs i, valid c s ->
-    let settled := settle c s w in
-    let refused := match w with Taken => false | _ => true end in
-    let (after, out) := tick c s w events epochs i in
-    let (stepped, of_step) := step c settled i refused (classify c settled epochs events) in
-    discrete after = discrete stepped /\
-    (forall axis, (axis < N)%nat -> axes after axis = axes stepped axis /\
-      references out axis = references of_step axis) /\
-    withheld after = withheld stepped /\ off_path after = off_path stepped /\
-    is_withheld out = is_withheld of_step.
 
   Axiom session_tick_is_its_parts : N = 3%nat -> tick_has_parts.
   Axiom session_of_6_axes_tick_is_its_parts : N = 6%nat -> tick_has_parts.
@@ -466,23 +506,6 @@ Module Type ROWS.
     is_new (discrete s) (asked a) -> is_new (discrete s) (asked (sift c s epochs event a)).
 
   (** ** The start *)
-
-  (* says: "T12: a session starts valid" *)
-  (* says: "T21: a server starts with what is in force" *)
-  (* says: "T21: a server that starts may write" *)
-  (* says: "T21: and waits for the path" *)
-  (* says: "T9: a latched stop outlives the server" *)
-  (* says: "T9: a stuck re-arm leads nowhere" *)
-  Definition starts := forall c told,
-    match start c told with
-    | None => True
-    | Some s => known c (in_force told) /\ valid c s /\
-        (forall i, (i < N)%nat -> nominal (axes s i) = nominal_in_force (in_force told i) /\
-          forall k, offsets (axes s i) k = offsets_in_force (in_force told i) k) /\
-        withheld s = false /\ off_path s = true /\
-        (stop_latched told = true -> phase (discrete s) = Fault) /\
-        rearm_released (discrete s) = false
-    end.
 
   Axiom total_start : N = 3%nat -> starts.
   Axiom total_start_of_six : N = 6%nat -> starts.

@@ -327,7 +327,7 @@ Proof.
   - destruct by_fate as [_ [unknown _]]. congruence.
 Qed.
 
-(** Whatever happened before, a write changes an offset in
+(** After anything that happened before, a write changes an offset in
     force at a drive by at most S, and the reference by no more than nominal and offset. *)
 Theorem T21_drives_never_jump : forall c w input w' out axis,
   run c w -> one_tick c w input w' out -> is_withheld out = false -> (axis < N)%nat ->
@@ -451,6 +451,32 @@ Qed.
 Definition misses_one c w input :=
   fate input = Taken /\ outranks_a_miss (facts c w input) = false /\ command (facts c w input) = None.
 
+(** What the row on misses says of a tick of a session that runs. *)
+Lemma misses_are_decided : forall c w input w' out,
+  consistent c w -> one_tick c w input w' out -> fate input = Taken ->
+  is_running (discrete (server w)) = true -> outranks_a_miss (facts c w input) = false ->
+  let before := discrete (server w) in let after := discrete (server w') in
+  let run := (misses before + skipped (facts c w input))%nat in
+  if (2 <=? run)%nat ||
+    (run =? 1)%nat && (match command (facts c w input) with None => true | _ => false end)
+  then phase after = SafeDisconnect /\ action (decision c w input) = Ramp
+  else if by_budget (decision c w input) then True
+  else is_running after = true /\
+    match command (facts c w input) with
+    | None => misses after = 1%nat /\ phase after = phase before /\ action (decision c w input) = Hold
+    | Some _ => misses after = 0%nat
+    end.
+Proof.
+  intros c w input w' out ok ticked taken runs free.
+  destruct (tick_is_decided c w input w' out (proj1 ok) ticked) as [goes_on _].
+  pose proof (settled_discrete c w input ok) as is_valid.
+  pose proof (taken_settles_nothing c w input ok taken) as same_server.
+  pose proof (decide_second_miss_ends _ (facts c w input) (rules c) (type_config c) is_valid) as decides.
+  assert (is_running (discrete (settled c w input)) = true) as runs' by (rewrite same_server; exact runs).
+  specialize (decides runs' free). cbv zeta in decides. fold (decision c w input) in decides.
+  rewrite <- goes_on, same_server in decides. exact decides.
+Qed.
+
 (** The second miss in a row ends the session in its tick, and every channel
     takes a step of the ramp; unless the budget of misses has ended it with the first. *)
 Theorem T4_second_miss_ramps : forall c w0 i1 w1 o1 i2 w2 o2,
@@ -464,29 +490,19 @@ Proof.
   intros c w0 i1 w1 o1 i2 w2 o2 ran first second runs0 runs1 [taken1 [free1 none1]] [taken2 [free2 none2]] within.
   assert (run c w1) as ran1 by (eapply goes_on; eauto).
   pose proof (every_state_is_valid c w0 ran) as ok0. pose proof (every_state_is_valid c w1 ran1) as ok1.
-  pose proof (taken_settles_nothing c w0 i1 ok0 taken1) as same0.
-  pose proof (taken_settles_nothing c w1 i2 ok1 taken2) as same1.
-  destruct (tick_is_decided c w0 i1 w1 o1 (proj1 ok0) first) as [goes1 _].
-  destruct (tick_is_decided c w1 i2 w2 o2 (proj1 ok1) second) as [goes2 _].
-  pose proof (settled_discrete c w0 i1 ok0) as valid0. pose proof (settled_discrete c w1 i2 ok1) as valid1.
-  pose proof (decide_second_miss_ends _ (facts c w0 i1) (rules c) (type_config c) valid0) as by_first.
-  pose proof (decide_second_miss_ends _ (facts c w1 i2) (rules c) (type_config c) valid1) as by_second.
-  fold (decision c w0 i1) in by_first. fold (decision c w1 i2) in by_second.
-  rewrite same0 in by_first. rewrite same1 in by_second.
-  specialize (by_first runs0 free1). specialize (by_second runs1 free2). cbv zeta in by_first, by_second.
-  rewrite none1 in by_first. rewrite none2 in by_second. rewrite within in by_first.
+  pose proof (misses_are_decided c w0 i1 w1 o1 ok0 first taken1 runs0 free1) as by_first.
+  pose proof (misses_are_decided c w1 i2 w2 o2 ok1 second taken2 runs1 free2) as by_second.
+  cbv zeta in by_first, by_second. rewrite none1, within in by_first. rewrite none2 in by_second.
   assert (misses (discrete (server w1)) = 1%nat) as missed.
   { destruct ((2 <=? misses (discrete (server w0)) + skipped (facts c w0 i1))%nat ||
       (misses (discrete (server w0)) + skipped (facts c w0 i1) =? 1)%nat && true).
-    - destruct by_first as [ended _]. rewrite goes1 in runs1. unfold is_running in runs1. rewrite ended in runs1.
-      discriminate.
-    - rewrite goes1. apply by_first. }
+    - destruct by_first as [ended _]. unfold is_running in runs1. rewrite ended in runs1. discriminate.
+    - apply by_first. }
   rewrite missed in by_second.
   assert ((2 <=? 1 + skipped (facts c w1 i2))%nat || (1 + skipped (facts c w1 i2) =? 1)%nat && true = true) as two.
   { destruct (skipped (facts c w1 i2)); reflexivity. }
-  rewrite two in by_second. destruct by_second as [is_over is_ramp].
-  split; [rewrite goes2; exact is_over|].
-  intros axis k is_axis. rewrite <- same1.
+  rewrite two in by_second. destruct by_second as [is_over is_ramp]. split; [exact is_over|].
+  intros axis k is_axis. rewrite <- (taken_settles_nothing c w1 i2 ok1 taken2).
   apply (channel_is_bounded c w1 i2 w2 o2 axis k ok1 second is_axis). exact is_ramp.
 Qed.
 
@@ -504,25 +520,13 @@ Proof.
     taken2 free2 fresh on_time2 within2.
   assert (run c w1) as ran1 by (eapply goes_on; eauto).
   pose proof (every_state_is_valid c w0 ran) as ok0. pose proof (every_state_is_valid c w1 ran1) as ok1.
-  pose proof (taken_settles_nothing c w0 i1 ok0 taken1) as same0.
-  pose proof (taken_settles_nothing c w1 i2 ok1 taken2) as same1.
-  destruct (tick_is_decided c w0 i1 w1 o1 (proj1 ok0) first) as [goes1 _].
-  destruct (tick_is_decided c w1 i2 w2 o2 (proj1 ok1) second) as [goes2 _].
-  pose proof (settled_discrete c w0 i1 ok0) as valid0. pose proof (settled_discrete c w1 i2 ok1) as valid1.
-  pose proof (decide_second_miss_ends _ (facts c w0 i1) (rules c) (type_config c) valid0) as by_first.
-  pose proof (decide_second_miss_ends _ (facts c w1 i2) (rules c) (type_config c) valid1) as by_second.
-  fold (decision c w0 i1) in by_first. fold (decision c w1 i2) in by_second.
-  rewrite same0 in by_first. rewrite same1 in by_second.
-  specialize (by_first runs0 free1). cbv zeta in by_first.
+  pose proof (misses_are_decided c w0 i1 w1 o1 ok0 first taken1 runs0 free1) as by_first. cbv zeta in by_first.
   rewrite none1, no_miss, on_time1, within1 in by_first. simpl in by_first.
-  destruct by_first as [still [missed [same_phase is_hold]]].
-  assert (is_running (discrete (server w1)) = true) as runs1 by (rewrite goes1; exact still).
-  specialize (by_second runs1 free2). cbv zeta in by_second.
-  assert (misses (discrete (server w1)) = 1%nat) as missed' by (rewrite goes1; exact missed).
-  rewrite missed', on_time2, within2 in by_second.
+  destruct by_first as [runs1 [missed [same_phase is_hold]]].
+  pose proof (misses_are_decided c w1 i2 w2 o2 ok1 second taken2 runs1 free2) as by_second. cbv zeta in by_second.
+  rewrite missed, on_time2, within2 in by_second.
   destruct (command (facts c w1 i2)); [|congruence]. simpl in by_second.
-  destruct by_second as [runs2 cleared].
-  repeat split; [rewrite goes1; exact same_phase | exact is_hold | rewrite goes2; exact runs2 | rewrite goes2; exact cleared].
+  destruct by_second as [runs2 cleared]. repeat split; assumption.
 Qed.
 
 (** * The ramp *)

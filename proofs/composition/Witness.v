@@ -111,62 +111,7 @@ Definition act a m (g : AxisConfig) :=
 Definition held a :=
   (a, {| position := nominal a; pushes := fun k => count (channels a k) |}).
 
-(** ** What rows call valid, known, complete: as in [ROWS] *)
-
-Definition channels_valid (g : AxisConfig) (of_axis : Kind -> Channel) :=
-  forall k, channel_valid (limits g k) (of_axis k).
-Definition channels_at_zero (of_axis : Kind -> Channel) := forall k, at_zero (of_axis k).
-Definition axis_valid p (g : AxisConfig) a :=
-  channels_valid g (channels a) /\ channels_valid g (shadow a) /\
-  (p = Listening \/ p = Handshake \/ p = Submit -> channels_at_zero (channels a)) /\
-  (p = Submit \/ channels_at_zero (shadow a)) /\
-  (p = Obtain /\ refill g <> None \/ agitation a = 0).
-Definition valid c s :=
-  discrete_valid (handshake_ticks (rules c)) (discrete s) /\
-  (forall i, (i < N)%nat -> axis_valid (phase (discrete s)) (axis_config c i) (axes s i)) /\
-  (withheld s = true -> is_over (discrete s) = true).
-Definition offsets a k := value k (channels a k).
-Definition demanded s i :=
-  {| nominal_in_force := nominal (axes s i); offsets_in_force := offsets (axes s i) |}.
-Definition known c (found : nat -> InForce) :=
-  forall i k, (i < N)%nat -> admits (limits (axis_config c i) k) (offsets_in_force (found i) k).
-Definition every (test : nat -> bool) := forallb test (seq 0 N).
-Definition any (test : nat -> bool) := existsb test (seq 0 N).
-Definition all_kinds (test : Kind -> bool) := test Position && test Velocity && test Torque.
-Definition is_at_zero a := all_kinds (fun k => offsets a k =? 0).
-Definition cycles i := Nat.max 1 (elapsed i).
-Definition paces s i := (elapsed i <=? 1)%nat && is_read i && negb (off_path s).
-Definition has_stepped c s i axis :=
-  match reading i with
-  | Some read => nominal_stepped (nominal (axes s axis)) (fst (read axis)) (axis_config c axis) (cycles i)
-  | None => false
-  end.
-Definition stops_by_accel c s i axis :=
-  match reading i with
-  | Some read =>
-      accel_is_fault (axis_config c axis) && paced s && paces s i &&
-      nominal_accelerated (axes s axis) (fst (read axis)) (axis_config c axis)
-  | None => false
-  end.
-Definition complete c s i (refused : bool) a :=
-  let f := asked a in {|
-  stop := stop f || at_stop i || negb (is_read i) || refused;
-  quit := at_quit i;
-  rearm := at_rearm i;
-  nominal_fault := any (fun axis => has_stepped c s i axis || stops_by_accel c s i axis);
-  framing := framing f; flood := flood f; closed := closed f; goodbye := goodbye f;
-  agitated := any (fun axis => is_agitated (axes s axis) (axis_config c axis));
-  command := command f; hello := hello f;
-  skipped := cycles i - 1;
-  all_zero := negb (withheld s) && every (fun axis => is_at_zero (axes s axis)) |}.
-Definition command_of (o : Order) i a (own : Axis) axis remaining := {|
-  to_do := do_all o; obtains := all_obtain o; shadow_to_do := shadows o; target := targets a axis;
-  nominal_now :=
-    match reading i with
-    | Some read => if holds o then nominal own else fst (read axis)
-    | None => nominal own
-    end;
-  remaining := remaining |}.
+Include Terms.
 
 (** ** A tick *)
 
@@ -202,8 +147,6 @@ Definition order c s i refused a :=
 Definition carry_out (c : Config) of_axes o i a
     (by_itself : Axis -> option (AxisCommand * AxisConfig) -> Axis * Reference) axis :=
   by_itself (of_axes axis) (Some (command_of o i a (of_axes axis) axis 0, axis_config c axis)).
-Definition act_or_hold a (m : option (AxisCommand * AxisConfig)) :=
-  match m with Some (m, g) => act a m g | None => held a end.
 Definition step c s i refused a :=
   let '(d, _, o) := order c s i refused a in
   let acted := carry_out c (axes s) o i a act_or_hold in
@@ -250,6 +193,8 @@ Definition start (c : Config) told :=
     axes := fun i => rest_at (in_force told i); withheld := false; off_path := true; paced := false;
     noted := 0 |}
   else None.
+
+Include Statements.
 
 (** ** The rows *)
 
@@ -393,21 +338,6 @@ Proof.
   destruct (stop f || quit f || nominal_fault f); simpl; auto. destruct p; try discriminate; simpl; auto.
 Qed.
 
-Definition bounded_in (k : Kind) := forall a m g,
-  channels_valid g (channels a) -> channels_valid g (shadow a) ->
-  let (after, reference) := act a m g in
-  let l := limits g k in
-  let before_k := channels a k in let after_k := channels after k in
-  Z.abs (count after_k - count before_k) <= step_limit l /\
-  admits l (value k after_k) /\
-  channel_valid l after_k /\
-  count after_k - count before_k = change after_k /\
-  Z.abs (change after_k - change before_k) <= accel l /\
-  (to_do m = Ramp -> ramped l before_k after_k) /\
-  position reference = clamp (lower g) (upper g) (nominal_now m + offsets after Position) /\
-  lower g <= position reference <= upper g /\
-  nominal after = nominal_now m.
-
 Lemma acts_is_valid : forall g k a goal h, channel_valid (limits g k) h -> channel_valid (limits g k) (acts a goal h).
 Proof.
   intros g k a goal h. unfold channel_valid. simpl. intros [within slow].
@@ -507,22 +437,6 @@ Proof.
     pose proof (all i Torque within). rewrite !andb_true_iff, !Z.leb_le. auto.
 Qed.
 
-Definition settles := forall c s w, valid c s -> let after := settle c s w in
-  valid c after /\
-  match w with
-  | Taken => after = s
-  | Refused found =>
-      is_over (discrete after) = true /\ (~ known c found -> withheld after = true) /\
-      (known c found -> forall i, (i < N)%nat ->
-        (forall k, offsets (axes after i) k = offsets_in_force (found i) k) /\
-        nominal (axes after i) = nominal_in_force (found i) /\
-        (forall k, change (channels (axes after i) k) = 0))
-  | Unknown => is_over (discrete after) = true /\ withheld after = true /\
-      forall i, (i < N)%nat -> channels (axes after i) = channels (axes s i)
-  end /\
-  epoch (discrete after) = epoch (discrete s) /\ accepted (discrete after) = accepted (discrete s) /\
-  rearm_released (discrete after) = rearm_released (discrete s).
-
 Lemma over_says : forall ticks s, discrete_valid ticks s ->
   discrete_valid ticks (over s) /\ is_over (over s) = true /\ epoch (over s) = epoch s /\
   accepted (over s) = accepted s /\ rearm_released (over s) = rearm_released s.
@@ -574,56 +488,26 @@ Qed.
 Definition total_write (_ : N = 3%nat) := all_settle.
 Definition total_write_of_six (_ : N = 6%nat) := all_settle.
 
-Definition orders := forall c s i refused a, valid c s ->
-  let '(d, f, o) := order c s i refused a in
-  f = complete c s i refused a /\ do_all o = action d /\
-  all_obtain o = (match phase (next d) with Obtain => true | _ => false end) /\
-  shadows o = shadow_of (phase (next d)) f /\
-  holds o = (negb (is_read i) || off_path s && nominal_fault f).
 Lemma all_order : orders.
 Proof. intros c s i refused a _. simpl. auto. Qed.
 Definition session_orders_what_is_decided (_ : N = 3%nat) := all_order.
 Definition session_of_6_axes_orders_what_is_decided (_ : N = 6%nat) := all_order.
 
-Definition decides := forall c s i refused a, valid c s ->
-  let '(d, _, _) := order c s i refused a in
-  d = decide (discrete s) (complete c s i refused a) (rules c).
 Lemma all_decide : decides.
 Proof. intros c s i refused a _. reflexivity. Qed.
 Definition session_decides_by_the_rules (_ : N = 3%nat) := all_decide.
 Definition session_of_6_axes_decides_by_the_rules (_ : N = 6%nat) := all_decide.
 
-Definition has_parts := forall c s i refused a, valid c s ->
-  let '(d, _, o) := order c s i refused a in
-  let (after, out) := step c s i refused a in
-  let acted := carry_out c (axes s) o i a act_or_hold in
-  discrete after = next d /\
-  (forall axis, (axis < N)%nat ->
-    axes after axis = fst (acted axis) /\ references out axis = snd (acted axis)) /\
-  withheld after = withheld s /\ is_withheld out = withheld s /\ off_path after = holds o.
 Lemma all_have_parts : has_parts.
 Proof. intros c s i refused a _. simpl. auto 10. Qed.
 Definition session_step_is_its_parts (_ : N = 3%nat) := all_have_parts.
 Definition session_of_6_axes_step_is_its_parts (_ : N = 6%nat) := all_have_parts.
 
-Definition act_by_themselves := forall c s i a o by_itself axis, valid c s -> (axis < N)%nat ->
-  exists remaining, carry_out c (axes s) o i a by_itself axis =
-    by_itself (axes s axis) (Some (command_of o i a (axes s axis) axis remaining, axis_config c axis)).
 Lemma all_act_by_themselves : act_by_themselves.
 Proof. intros c s i a o by_itself axis _ _. exists 0. reflexivity. Qed.
 Definition session_of_3_axes_acts_axis_by_axis (_ : N = 3%nat) := all_act_by_themselves.
 Definition session_of_6_axes_acts_axis_by_axis (_ : N = 6%nat) := all_act_by_themselves.
 
-Definition tick_has_parts := forall c s w events epochs i, valid c s ->
-  let settled := settle c s w in
-  let refused := match w with Taken => false | _ => true end in
-  let (after, out) := tick c s w events epochs i in
-  let (stepped, of_step) := step c settled i refused (classify c settled epochs events) in
-  discrete after = discrete stepped /\
-  (forall axis, (axis < N)%nat -> axes after axis = axes stepped axis /\
-    references out axis = references of_step axis) /\
-  withheld after = withheld stepped /\ off_path after = off_path stepped /\
-  is_withheld out = is_withheld of_step.
 Lemma all_ticks_have_parts : tick_has_parts.
 Proof. intros c s w events epochs i _. unfold tick. destruct (step _ _ _ _ _). auto 10. Qed.
 Definition session_tick_is_its_parts (_ : N = 3%nat) := all_ticks_have_parts.
@@ -640,16 +524,6 @@ Proof.
   - split; assumption.
 Qed.
 
-Definition starts := forall c told,
-  match start c told with
-  | None => True
-  | Some s => known c (in_force told) /\ valid c s /\
-      (forall i, (i < N)%nat -> nominal (axes s i) = nominal_in_force (in_force told i) /\
-        forall k, offsets (axes s i) k = offsets_in_force (in_force told i) k) /\
-      withheld s = false /\ off_path s = true /\
-      (stop_latched told = true -> phase (discrete s) = Fault) /\
-      rearm_released (discrete s) = false
-  end.
 Lemma all_start : starts.
 Proof.
   intros c told. unfold start. destruct (is_known c (in_force told)) eqn:is_so.

@@ -310,7 +310,7 @@ fn axes_agree(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
 }
 
 /// Number of axes that a domain begins with.
-fn axes_said(domain: &str) -> Option<u32> {
+pub(crate) fn axes_said(domain: &str) -> Option<u32> {
     [("one axis", 1), ("three axes", 3), ("six axes", 6)]
         .into_iter()
         .find_map(|(words, number)| domain.starts_with(words).then_some(number))

@@ -32,17 +32,24 @@ fn source(root: &Path, name: &str) -> std::path::PathBuf {
 /// Everything that disagrees: an axiom says no more than its row.
 pub(crate) fn disagreements(root: &Path, manifest: &Manifest) -> Result<Vec<String>, String> {
     let page = read(&root.join(PAGE))?;
-    if !source(root, "Rows").is_file() {
-        return Ok(page::disagreements(&page, manifest, ""));
-    }
     let (rows, runs) = (read(&source(root, "Rows"))?, read(&source(root, "Runs"))?);
-    let mut wrong = page::disagreements(&page, manifest, &(rows + &runs));
+    let axioms = axioms::axioms(&rows);
+    let mut wrong = Vec::new();
+    for mutant in coq::mutants_of(root)? {
+        if rows.matches(&mutant.old).count() != 1 {
+            wrong.push(format!(
+                "{FOLDER}/mutants.toml: {}: its text does not stand once in Rows.v",
+                mutant.name
+            ));
+        }
+    }
+    wrong.extend(page::disagreements(&page, manifest, &(rows + &runs)));
     let mut properties = String::new();
     for path in files(&root.join("proofs/src/properties"))? {
         properties.push_str(&read(&path)?);
     }
     let witness = read(&source(root, "Witness"))?;
-    for axiom in axioms::axioms(&read(&source(root, "Rows"))?) {
+    for axiom in axioms {
         wrong.extend(axiom.disagreements(manifest, &properties));
         if axiom.is_read() && !page::by_hand(&page).contains(&axiom.name) {
             wrong.push(format!(
@@ -60,7 +67,7 @@ pub(crate) fn disagreements(root: &Path, manifest: &Manifest) -> Result<Vec<Stri
             wrong.push(format!("{FOLDER}/Witness.v: does not prove {}", axiom.name));
         }
     }
-    if written(root, manifest)?.is_some_and(|text| text != page) {
+    if written(root, manifest)? != page {
         wrong.push(format!("{PAGE}: differs from its sources; run `table`"));
     }
     for name in SOURCES {
@@ -78,7 +85,7 @@ fn taken_for_proved(name: &str, text: &str) -> Vec<String> {
     for word in words {
         // The witness is of any number of axes, which is its argument.
         let is_argument = name == "Witness" && word == "Parameter";
-        is_type |= name == "Rows" && word == "ROWS";
+        is_type |= name == "Rows" && word == "FUNCTIONS";
         match word {
             "Axiom" | "Axioms" | "Parameter" | "Parameters" | "Conjecture"
                 if !(is_type || is_argument) =>
@@ -101,9 +108,6 @@ pub(crate) fn open(
     standings: &Standings<'_>,
 ) -> Result<(Vec<String>, Vec<String>), String> {
     let (mut said, mut open) = (Vec::new(), Vec::new());
-    if !source(root, "Rows").is_file() {
-        return Ok((said, open));
-    }
     let (mut unstated, axioms) = (Vec::new(), axioms::axioms(&read(&source(root, "Rows"))?));
     for axiom in &axioms {
         let sentences = axiom.unstated(standings);
@@ -116,6 +120,14 @@ pub(crate) fn open(
     let is_stale = record.sources != record::hash(root)?;
     if is_stale {
         said.push("STALE: composition (Coq has not checked these sources)".to_owned());
+    }
+    let untried = coq::mutants_of(root)?
+        .len()
+        .saturating_sub(record.mutants.len());
+    if untried > 0 {
+        said.push(format!(
+            "STALE: composition ({untried} of its mutants have not run on these sources)"
+        ));
     }
     for (theorem, rows) in &record.theorems {
         let row = rows.iter().find(|name| {
@@ -148,23 +160,15 @@ fn numbers(theorem: &str) -> Vec<String> {
 }
 
 /// Page with its lists as the sources have them.
-fn written(root: &Path, manifest: &Manifest) -> Result<Option<String>, String> {
-    if !source(root, "Rows").is_file() {
-        return Ok(None);
-    }
+fn written(root: &Path, manifest: &Manifest) -> Result<String, String> {
     let axioms = axioms::axioms(&read(&source(root, "Rows"))?);
     let (page, runs) = (read(&root.join(PAGE))?, read(&source(root, "Runs"))?);
     let record = Record::load(root)?;
-    Ok(Some(page::with_lists(
-        &page, &axioms, manifest, &record, &runs,
-    )))
+    Ok(page::with_lists(&page, &axioms, manifest, &record, &runs))
 }
 
 /// Writes the lists of the page.
 pub(crate) fn write(root: &Path, manifest: &Manifest) -> Result<(), String> {
     let path = root.join(PAGE);
-    match written(root, manifest)? {
-        Some(text) => std::fs::write(&path, text).map_err(crate::at(&path)),
-        None => Ok(()),
-    }
+    std::fs::write(&path, written(root, manifest)?).map_err(crate::at(&path))
 }

@@ -173,7 +173,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             let standings = results.standings(&manifest, &sources);
             files_agree(&root, &manifest, &results, &sources, &standings)?;
             if options.names == ["composition"] {
-                return composition::prove(&root, options.tier);
+                composition::prove(&root, options.tier)?;
+                return Ok(composition::write(&root, &manifest)?);
             }
             prove::prove(&root, &manifest, &options, results, sources)?;
         }

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::check::axes_said;
 use crate::manifest::Manifest;
 use crate::results::{Standing, Standings};
 
@@ -39,11 +40,7 @@ impl Axiom {
             )];
         };
         let mut wrong = Vec::new();
-        let of_row = [("three axes", 3), ("six axes", 6), ("one axis:", 1)];
-        let of_row = of_row
-            .into_iter()
-            .find_map(|(words, number)| row.domain.starts_with(words).then_some(number));
-        if of_row != self.axes {
+        if axes_said(&row.domain) != self.axes {
             wrong.push(format!(
                 "proofs/composition/Rows.v: {name} is of {}, its row of {}",
                 self.axes

@@ -17,10 +17,10 @@ use crate::{Failure, at, exit, read};
 /// An axiom, weakened.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Mutant {
-    name: String,
+pub(super) struct Mutant {
+    pub(super) name: String,
     /// Text that stands exactly once in `Rows.v`, and its replacement.
-    old: String,
+    pub(super) old: String,
     new: String,
     /// Lemma or theorem whose proof must fail.
     falls: String,
@@ -51,8 +51,12 @@ pub(crate) fn prove(root: &Path, tier: Tier) -> Result<(), Failure> {
         coq: version()?,
         sources: record::hash(root)?,
         theorems: theorems(root, &build)?,
-        mutants: Record::load(root)?.mutants,
+        mutants: BTreeMap::new(),
     };
+    let before = Record::load(root)?;
+    if before.sources == record.sources {
+        record.mutants = before.mutants;
+    }
     if tier == Tier::Full {
         second_checker(&build)?;
         record.mutants = mutants(root, &build)?;
@@ -69,7 +73,9 @@ fn theorems(root: &Path, build: &Path) -> Result<BTreeMap<String, Vec<String>>, 
     let mut printed = String::new();
     for name in SOURCES {
         copy(root, build, name)?;
+        let begun = Instant::now();
         printed = compiled(build, name)?;
+        println!("{name}.v: {:.1} s", begun.elapsed().as_secs_f64());
     }
     let axioms = axioms::axioms(&read(&source(root, "Rows"))?);
     let asked = read(&source(root, "Assumptions"))?;
@@ -117,13 +123,11 @@ fn coqc(build: &Path, name: &str) -> Result<Output, String> {
 
 /// Compiles a source. Returns what it prints.
 fn compiled(build: &Path, name: &str) -> Result<String, String> {
-    let begun = Instant::now();
     let output = coqc(build, name)?;
     if !output.status.success() {
         let error = String::from_utf8_lossy(&output.stderr);
         return Err(format!("{FOLDER}/{name}.v: {}", error.trim()));
     }
-    println!("{name}.v: {:.1} s", begun.elapsed().as_secs_f64());
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
@@ -193,29 +197,30 @@ fn second_checker(build: &Path) -> Result<(), String> {
     Ok(())
 }
 
+/// Mutants of a repository.
+pub(super) fn mutants_of(root: &Path) -> Result<Vec<Mutant>, String> {
+    let path = root.join(FOLDER).join("mutants.toml");
+    let Mutants { mutant } = toml::from_str(&read(&path)?).map_err(at(&path))?;
+    Ok(mutant)
+}
+
 /// Weakens axioms, one at a time. Returns the lemma that each makes fail.
 fn mutants(root: &Path, build: &Path) -> Result<BTreeMap<String, String>, String> {
-    let path = root.join(FOLDER).join("mutants.toml");
-    let Mutants { mutant: all } = toml::from_str(&read(&path)?).map_err(at(&path))?;
     let (rows, runs) = (read(&source(root, "Rows"))?, read(&source(root, "Runs"))?);
     let folder: PathBuf = build.join("mutant");
     std::fs::create_dir_all(&folder).map_err(at(&folder))?;
     copy(root, &folder, "Runs")?;
     let mut fell = BTreeMap::new();
     let mut wrong = Vec::new();
-    for Mutant {
-        name,
-        old,
-        new,
-        falls,
-    } in all
-    {
-        if rows.matches(&old).count() != 1 {
-            return Err(format!(
-                "{}: {name}: its text does not stand once in Rows.v",
-                path.display()
-            ));
-        }
+    let mutants = mutants_of(root)?;
+    let of = mutants.len();
+    for (number, mutant) in (1..).zip(mutants) {
+        let Mutant {
+            name,
+            old,
+            new,
+            falls,
+        } = mutant;
         let to = folder.join("Rows.v");
         std::fs::write(&to, rows.replacen(&old, &new, 1)).map_err(at(&to))?;
         compiled(&folder, "Rows").map_err(|error| format!("{name}: {error}"))?;
@@ -225,7 +230,10 @@ fn mutants(root: &Path, build: &Path) -> Result<BTreeMap<String, String>, String
         } else {
             failed_lemma(&runs, &String::from_utf8_lossy(&output.stderr))
         };
-        println!("{name}: {}", lemma.as_deref().unwrap_or("nothing falls"));
+        println!(
+            "[{number}/{of}] {name} ... {}",
+            lemma.as_deref().unwrap_or("nothing falls")
+        );
         match lemma {
             Some(lemma) if lemma == falls => {
                 fell.insert(name, lemma);

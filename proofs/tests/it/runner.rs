@@ -207,6 +207,7 @@ proofs/composition/Rows.v ~ says: "T21: and waits for the path" ~ says: "T21: an
 proofs/composition/Rows.v ~ (* says: "T9: what stands has not stepped" *) ~ (* *) ~ nominal_that_stands_is_within quotes no assertion
 proofs/composition/Rows.v ~ Axiom total_write : N = 3%nat -> ~ Axiom total_write : N = 6%nat -> ~ total_write is of N = 6, its row of three axes
 proofs/composition/Rows.v ~ Axiom decide_no_session_ramps : ~ Axiom decide_no_session_rests : ~ Rows.v: decide_no_session_rests is not a row
+proofs/composition/mutants.toml ~ old = 'else is_running ~ old = 'else it runs ~ mutants.toml: one_miss_may_end: its text does not stand once
 proofs/composition/Rows.v ~ Axiom type_limits : ~ Axiom type_bounds : ~ Witness.v: does not prove type_bounds
 proofs/composition/Runs.v ~ Proof. ~ Proof. admit. ~ proofs/composition/Runs.v: admit
 proofs/composition/Runs.v ~ Module Runs ~ Axiom of_nothing : False. Module Runs ~ Runs.v: Axiom outside the rows
@@ -960,6 +961,21 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
             "{}",
             out(&strict(&toy))
         );
+        // A quotation of another text than the row has.
+        let rows = toy.read("proofs/composition/Rows.v");
+        let (stands, other) = (
+            "T9: what stands has not stepped",
+            "T5: the measure decreases",
+        );
+        toy.write("proofs/composition/Rows.v", &rows.replace(stands, other));
+        let said = out(&strict(&toy));
+        assert!(
+            said.contains(
+                "STALE: nominal_that_stands_is_within (its axiom quotes \"T5: the measure"
+            ) && said.contains("STALE: composition (Coq has not"),
+            "{said}"
+        );
+        toy.write("proofs/composition/Rows.v", &rows);
         // Rows of T1, T2, T3 and T5.
         let harnesses = "proofs/src/harness/axis.rs";
         toy.write(
