@@ -14,6 +14,7 @@ Print Assumptions T4_one_miss_is_tolerated.
 Print Assumptions T5_exact.
 Print Assumptions T5_ramp_ends.
 Print Assumptions T6_T21_granted_at_zero.
+Print Assumptions T7_others_decide_nothing.
 Print Assumptions T9_a_stop_is_not_forgotten.
 Print Assumptions T9_latch_outlives_the_server.
 Print Assumptions T9_a_stuck_rearm_leads_nowhere.
@@ -24,4 +25,6 @@ Print Assumptions T21_a_start_waits_for_its_path.
 Print Assumptions T22_silence_ends_in_listening.
 Print Assumptions T22_handshake_ends_in_listening.
 Print Assumptions T23_epochs_never_repeat.
+Print Assumptions T23_a_recorded_frame_acts_no_more.
 Print Assumptions T33_agitation_is_bounded.
+Print Assumptions T33_beyond_the_budget_it_ends.

@@ -129,6 +129,13 @@ Definition of_T5_ends := T5_ramp_ends three tt [silent] on_the_ramp (plays on_th
 Definition of_T6 := T6_T21_granted_at_zero three tt to_listening (hears [Hello]) _ _ a_run_to_listening
   (after_is_a_tick to_listening (hears [Hello]) ltac:(computed)) ltac:(computed) ltac:(computed).
 
+(** T7: a stranger's command and Goodbye beside the owner's command. *)
+Definition crowded := {| fate := Taken; epochs := tt; cycle := on_time false false;
+  events := [(8%nat, Command 9 ToObtain 0); (7%nat, Command 3 ToObtain 20); (8%nat, Goodbye)] |}.
+Definition of_T7 := T7_others_decide_nothing three eq_refl tt in_obtain crowded a_run_to_obtain ltac:(computed).
+Example others_are_left_out : filter (is_owners (settled tt in_obtain crowded)) (events crowded) = events follows.
+Proof. reflexivity. Qed.
+
 (** T9: a stop at the machine; servers that start latched. *)
 Definition of_T9_stop := T9_a_stop_is_not_forgotten three tt in_obtain stopped _ _ [silent; silent]
   (plays (after in_obtain stopped) [silent; silent]) a_run_to_obtain
@@ -159,6 +166,15 @@ Example acts : is_live (discrete (server (after to_listening (hears [Hello])))) 
   epoch (discrete (server (after in_obtain follows))) = epoch (discrete (server in_obtain)) /\
   action (decision tt in_obtain follows) = Follow.
 Proof. computed. Qed.
+(** The same command again, two ticks later: it is not heard, and the next one is. *)
+Definition again := plays in_obtain [follows; asks].
+Definition of_T23_recorded := T23_a_recorded_frame_acts_no_more three eq_refl tt [asks]
+  (after in_obtain follows) again (hears [Command 4 ToObtain 20])
+  (goes_on tt _ _ _ _ a_run_to_obtain a_step) ltac:(ticks).
+Example is_not_heard_again : command (facts tt (after in_obtain follows) follows) = None /\
+  command (facts tt again (hears [Command 4 ToObtain 20])) = Some (4%nat, ToObtain) /\
+  epoch (discrete (server again)) = epoch (discrete (server (after in_obtain follows))).
+Proof. computed. Qed.
 
 (** T33: two ticks of Obtain whose second differences are counted. *)
 Definition first_of_obtain := and_then tt 0%nat to_submit 0 0 to_submit asks _ _
@@ -167,6 +183,12 @@ Definition second_of_obtain := and_then tt 0%nat to_submit 1 _ (after to_submit 
   first_of_obtain (after_is_a_tick (after to_submit asks) follows ltac:(computed)) eq_refl ltac:(computed).
 Definition of_T33 := T33_agitation_is_bounded three tt 0%nat to_submit 2 _ _ 10 a_run_to_submit the_first
   second_of_obtain eq_refl ltac:(computed).
+
+(** An axis without a budget, asked to move. *)
+Definition shaken := plays in_obtain [hears [Command 3 ToObtain 10]].
+Definition of_T33_end := T33_beyond_the_budget_it_ends three tt shaken follows _ _ 2%nat
+  ltac:(apply plays_is_a_run; [exact a_run_to_obtain | vm_compute; reflexivity])
+  (after_is_a_tick shaken follows ltac:(computed)) ltac:(computed) ltac:(vm_compute; auto) ltac:(computed).
 
 (** Of the witness the theorems rest on nothing. *)
 Definition theorems := (
@@ -179,6 +201,7 @@ Definition theorems := (
   T5_exact,
   T5_ramp_ends,
   T6_T21_granted_at_zero,
+  T7_others_decide_nothing,
   T9_a_stop_is_not_forgotten,
   T9_latch_outlives_the_server,
   T9_a_stuck_rearm_leads_nowhere,
@@ -189,5 +212,7 @@ Definition theorems := (
   T22_silence_ends_in_listening,
   T22_handshake_ends_in_listening,
   T23_epochs_never_repeat,
-  T33_agitation_is_bounded).
+  T23_a_recorded_frame_acts_no_more,
+  T33_agitation_is_bounded,
+  T33_beyond_the_budget_it_ends).
 Print Assumptions theorems.

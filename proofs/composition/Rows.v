@@ -142,7 +142,7 @@ Module Type FUNCTIONS.
   Parameter is_agitated : Axis -> AxisConfig -> bool.
 End FUNCTIONS.
 
-(** What rows call valid, known, complete. *)
+(** What rows call valid, within limits, complete. *)
 Module Terms (F : FUNCTIONS).
   Import F.
 
@@ -162,7 +162,7 @@ Module Terms (F : FUNCTIONS).
   Definition offsets a k := value k (channels a k).
   Definition demanded s i :=
     {| nominal_in_force := nominal (axes s i); offsets_in_force := offsets (axes s i) |}.
-  Definition known c (found : nat -> InForce) :=
+  Definition within_limits c (found : nat -> InForce) :=
     forall i k, (i < N)%nat -> admits (limits (axis_config c i) k) (offsets_in_force (found i) k).
 
   Definition every (test : nat -> bool) := forallb test (seq 0 N).
@@ -242,6 +242,7 @@ Module Statements (C : CORE).
   (* says: "T3: inside the travel" *)
   (* says: "T3: the reference is nominal plus offset, clamped to the travel" *)
   (* says: "T3: the nominal reference is noted" *)
+  (* says: "the drive receives the channel" *)
   Definition bounded_in (k : Kind) := forall a m g,
     channels_valid g (channels a) -> channels_valid g (shadow a) ->
     let (after, reference) := act a m g in
@@ -255,7 +256,8 @@ Module Statements (C : CORE).
     (to_do m = Ramp -> ramped l before_k after_k) /\
     position reference = clamp (lower g) (upper g) (nominal_now m + offsets after Position) /\
     lower g <= position reference <= upper g /\
-    nominal after = nominal_now m.
+    nominal after = nominal_now m /\
+    pushes reference Velocity = offsets after Velocity /\ pushes reference Torque = offsets after Torque.
 
   (* says: "T12: the invariant is kept" *)
   (* says: "T12: nothing to settle" *)
@@ -265,13 +267,13 @@ Module Statements (C : CORE).
   (* says: "T2: goes on at rest" *)
   (* says: "T12: keeps what it believes" *)
   (* says: "T23: a write changes no epoch, no sequence and no owner" *)
-  Definition settles := forall c s w, valid c s -> let after := settle c s w in
+  Definition settles := forall c s fate, valid c s -> let after := settle c s fate in
     valid c after /\
-    match w with
+    match fate with
     | Taken => after = s
     | Refused found =>
-        is_over (discrete after) = true /\ (~ known c found -> withheld after = true) /\
-        (known c found -> forall i, (i < N)%nat ->
+        is_over (discrete after) = true /\ (~ within_limits c found -> withheld after = true) /\
+        (within_limits c found -> forall i, (i < N)%nat ->
           (forall k, offsets (axes after i) k = offsets_in_force (found i) k) /\
           nominal (axes after i) = nominal_in_force (found i) /\
           (forall k, change (channels (axes after i) k) = 0))
@@ -320,10 +322,10 @@ Module Statements (C : CORE).
   (* says: "T12: a tick is its parts" *)
   (* says: "T12: a tick knows of the drives what its parts know" *)
   (* says: "T12: the references of a tick are those of its step" *)
-  Definition tick_has_parts := forall c s w events epochs i, valid c s ->
-    let settled := settle c s w in
-    let refused := match w with Taken => false | _ => true end in
-    let (after, out) := tick c s w events epochs i in
+  Definition tick_has_parts := forall c s fate events epochs i, valid c s ->
+    let settled := settle c s fate in
+    let refused := match fate with Taken => false | _ => true end in
+    let (after, out) := tick c s fate events epochs i in
     let (stepped, of_step) := step c settled i refused (classify c settled epochs events) in
     discrete after = discrete stepped /\
     (forall axis, (axis < N)%nat -> axes after axis = axes stepped axis /\
@@ -340,7 +342,7 @@ Module Statements (C : CORE).
   Definition starts := forall c told,
     match start c told with
     | None => True
-    | Some s => known c (in_force told) /\ valid c s /\
+    | Some s => within_limits c (in_force told) /\ valid c s /\
         (forall i, (i < N)%nat -> nominal (axes s i) = nominal_in_force (in_force told i) /\
           forall k, offsets (axes s i) k = offsets_in_force (in_force told i) k) /\
         withheld s = false /\ off_path s = true /\
@@ -368,8 +370,8 @@ Module Type ROWS.
   Axiom decide_second_miss_ends : forall s f r, (0 < handshake_ticks r)%nat ->
     discrete_valid (handshake_ticks r) s -> is_running s = true -> outranks_a_miss f = false ->
     let d := decide s f r in
-    let run := (misses s + skipped f)%nat in
-    if (2 <=? run)%nat || (run =? 1)%nat && (match command f with None => true | _ => false end)
+    let in_a_row := (misses s + skipped f)%nat in
+    if (2 <=? in_a_row)%nat || (in_a_row =? 1)%nat && (match command f with None => true | _ => false end)
     then phase (next d) = SafeDisconnect /\ action d = Ramp
     else if by_budget d then True
     else is_running (next d) = true /\
@@ -500,6 +502,11 @@ Module Type ROWS.
 
   Axiom session_tick_is_its_parts : N = 3%nat -> tick_has_parts.
   Axiom session_of_6_axes_tick_is_its_parts : N = 6%nat -> tick_has_parts.
+
+  (* says: "T7: a non-owner decides nothing" *)
+  Axiom sift_only_the_owner_decides : N = 3%nat -> forall c s epochs from event a, valid c s ->
+    owner (discrete s) <> Some from -> phase (discrete s) <> Listening ->
+    sift c s epochs (from, event) a = a.
 
   (* says: "T23: only new epochs and sequences are accepted" *)
   Axiom sift_accepts_only_what_is_new : N = 3%nat -> forall c s epochs event a, valid c s ->

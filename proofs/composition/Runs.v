@@ -37,7 +37,7 @@ Definition one_tick c w input w' out :=
 Definition started c told w :=
   start c told = Some (server w) /\ same (in_force told) (drives w).
 
-(** Ticks and restarts, in any order. *)
+(** A start, and any ticks after it. After a restart there is another run. *)
 Inductive run c : World -> Prop :=
 | begins told w : started c told w -> run c w
 | goes_on w input w' out : run c w -> one_tick c w input w' out -> run c w'.
@@ -134,7 +134,7 @@ Lemma zero_is_zero : forall c s i refused a axis,
   withheld s = false /\ forall k, count (channels (axes s axis) k) = 0 /\ offsets (axes s axis) k = 0.
 Proof.
   intros c s i refused a axis [_ [are_valid _]] zero is_axis.
-  simpl in zero. apply andb_prop in zero as [is_known zero].
+  simpl in zero. apply andb_prop in zero as [is_within zero].
   split; [destruct (withheld s); auto; discriminate|].
   unfold every in zero. rewrite forallb_forall in zero.
   assert (In axis (seq 0 N)) as within by (apply in_seq; lia).
@@ -211,7 +211,8 @@ Proof.
   split; [congruence|]. intros k. rewrite same_offsets. auto.
 Qed.
 
-(** Server and drives belong together in every state of a run, and the server is valid. *)
+(** In every state of a run the server is valid; and if the drives took its last references, they have
+    what it demands, and it may write. *)
 Theorem every_state_is_valid : forall c w, run c w -> consistent c w.
 Proof. induction 1; eauto using a_start_is_consistent, a_tick_is_consistent. Qed.
 
@@ -259,11 +260,27 @@ Proof.
   pose proof (axis_position_is_bounded _ m _ own shadow) as bounded.
   rewrite is_next, is_reference.
   destruct (act (axes (settled c w input) axis) m (axis_config c axis)) as [next reference]. simpl.
-  destruct bounded as [_ [_ [_ [_ [_ [_ [is_sum [is_inside is_noted]]]]]]]].
+  destruct bounded as [_ [_ [_ [_ [_ [_ [is_sum [is_inside [is_noted _]]]]]]]]].
   rewrite is_noted. repeat split; try assumption; try apply is_inside; congruence.
 Qed.
 
-(** In every tick of every run, from what is in force. *)
+(** The velocity and torque that are written are the offsets of the axis. *)
+Lemma pushes_are_offsets : forall c w input w' out axis,
+  consistent c w -> one_tick c w input w' out -> (axis < N)%nat ->
+  pushes (references out axis) Velocity = offsets (axes (server w') axis) Velocity /\
+  pushes (references out axis) Torque = offsets (axes (server w') axis) Torque.
+Proof.
+  intros c w input w' out axis is_consistent ticked is_axis.
+  pose proof (settled_is_valid c w input is_consistent) as [_ [are_valid _]].
+  destruct (are_valid axis is_axis) as [own [shadow _]].
+  pose proof (tick_is_decided c w input w' out (proj1 is_consistent) ticked) as [_ [_ [_ [_ acts]]]].
+  destruct (acts axis is_axis) as [m [is_next [is_reference _]]].
+  pose proof (axis_position_is_bounded _ m _ own shadow) as bounded. rewrite is_next, is_reference.
+  destruct (act (axes (settled c w input) axis) m (axis_config c axis)) as [next reference]. apply bounded.
+Qed.
+
+(** In a tick every offset changes by at most S, and this change by at most A, from what the server
+    goes on from; it stays within M; what is written for velocity and torque is the offset. *)
 Theorem T1_T2_T3_no_offset_jumps : forall c w input w' out axis k,
   run c w -> one_tick c w input w' out -> (axis < N)%nat ->
   let l := limits (axis_config c axis) k in
@@ -271,15 +288,18 @@ Theorem T1_T2_T3_no_offset_jumps : forall c w input w' out axis k,
   let after := channels (axes (server w') axis) k in
   Z.abs (count after - count before) <= step_limit l /\
   Z.abs (change after - change before) <= accel l /\ change after = count after - count before /\
-  Z.abs (offsets (axes (server w') axis) k) <= largest l.
+  Z.abs (offsets (axes (server w') axis) k) <= largest l /\
+  (k = Position \/ pushes (references out axis) k = offsets (axes (server w') axis) k).
 Proof.
   intros c w input w' out axis k ran ticked is_axis l before after.
-  destruct (channel_is_bounded c w input w' out axis k (every_state_is_valid c w ran) ticked is_axis)
-    as [b1 [b2 [b3 [b4 _]]]].
-  repeat split; auto.
+  pose proof (every_state_is_valid c w ran) as ok.
+  destruct (channel_is_bounded c w input w' out axis k ok ticked is_axis) as [b1 [b2 [b3 [b4 _]]]].
+  destruct (pushes_are_offsets c w input w' out axis ok ticked is_axis) as [velocity torque].
+  repeat split; auto. destruct k; auto.
 Qed.
 
-(** Over three states whose writes are taken: the second difference of the values. *)
+(** Over two ticks, if the references before each of them were taken: the second difference of an
+    offset is at most A. *)
 Theorem T2_over_three_states : forall c w0 i1 w1 o1 i2 w2 o2 axis k,
   run c w0 -> one_tick c w0 i1 w1 o1 -> one_tick c w1 i2 w2 o2 -> fate i1 = Taken -> fate i2 = Taken ->
   (axis < N)%nat ->
@@ -315,20 +335,21 @@ Proof.
   destruct (fate input) as [|found|]; simpl in *.
   - rewrite by_fate. apply has_taken. exact is_true.
   - destruct by_fate as [_ [unknown from_found]].
-    assert (~ ~ known c found) as not_unknown.
+    assert (~ ~ within_limits c found) as not_unknown.
     { intros not_known. specialize (unknown not_known). congruence. }
-    assert (known c found) as is_known.
+    assert (within_limits c found) as is_within.
     { intros i k is_axis. unfold admits.
       destruct (Z_le_dec (Z.abs (offsets_in_force (found i) k)) (largest (limits (axis_config c i) k))); [assumption|].
       exfalso. apply not_unknown. intros all. apply n. exact (all i k is_axis). }
-    intros i is_axis. destruct (from_found is_known i is_axis) as [offsets_found [nominal_found _]].
+    intros i is_axis. destruct (from_found is_within i is_axis) as [offsets_found [nominal_found _]].
     destruct (is_true i is_axis) as [true_nominal true_offsets]. simpl.
     split; [congruence|]. intros k. rewrite offsets_found. symmetry. apply true_offsets.
   - destruct by_fate as [_ [unknown _]]. congruence.
 Qed.
 
-(** After anything that happened before, a write changes an offset in
-    force at a drive by at most S, and the reference by no more than nominal and offset. *)
+(** A tick that writes, after anything that happened before, changes each offset from the one in
+    force at the drive by at most S; and the position from nominal plus offset in force, clamped to the
+    travel, by at most the change of the nominal reference plus S. *)
 Theorem T21_drives_never_jump : forall c w input w' out axis,
   run c w -> one_tick c w input w' out -> is_withheld out = false -> (axis < N)%nat ->
   let g := axis_config c axis in
@@ -355,10 +376,10 @@ Proof.
   specialize (all Position). unfold before, after, g in *. simpl in *. rewrite is_sum in *. unfold clamp in *. lia.
 Qed.
 
-(** Nothing is written while it is not known what is in force, or not within limits. *)
+(** A tick that writes knows what is in force at the drives, and it is within limits. *)
 Theorem T21_unknown_is_not_written : forall c w input w' out,
   run c w -> one_tick c w input w' out -> is_withheld out = false ->
-  fate input <> Unknown /\ known c (drives w).
+  fate input <> Unknown /\ within_limits c (drives w).
 Proof.
   intros c w input w' out ran ticked is_written.
   pose proof (every_state_is_valid c w ran) as is_consistent.
@@ -373,8 +394,8 @@ Proof.
   rewrite (channel_value_is_its_count (axis_config c i)); apply (settled_valid i is_axis).
 Qed.
 
-(** While the path is off, a nominal reference further than its limit is not written; else it is a
-    fault. *)
+(** A tick that writes a nominal reference further than its limit from the one in force ends in
+    Fault: and the machine was read, and the path not off. While the path is off it is not written. *)
 Theorem T21_path_is_waited_for : forall c w input w' out axis,
   run c w -> one_tick c w input w' out -> is_withheld out = false -> (axis < N)%nat ->
   nominal_stepped (nominal_in_force (drives w axis)) (nominal_in_force (demanded (server w') axis))
@@ -405,8 +426,8 @@ Proof.
   apply stops. rewrite is_fault. apply orb_true_r.
 Qed.
 
-(** A server that starts waits for its path: its first write moves no nominal reference further than
-    the limit. *)
+(** The first tick of a new server whose drives have what it was told, if it writes, moves no nominal
+    reference further than its limit. *)
 Theorem T21_a_start_waits_for_its_path : forall c told w input w' out axis,
   started c told w -> one_tick c w input w' out -> fate input = Taken -> is_withheld out = false ->
   (axis < N)%nat ->
@@ -422,7 +443,8 @@ Proof.
   destruct starts as [_ [_ [_ [_ [off _]]]]]. congruence.
 Qed.
 
-(** A reference is inside the travel, and moves no further than nominal and offset. *)
+(** A position reference is inside the travel, and moves by at most the change of the nominal
+    reference plus S. *)
 Theorem T3_reference_moves_no_further : forall c w input w' out axis,
   run c w -> one_tick c w input w' out -> (axis < N)%nat ->
   let g := axis_config c axis in
@@ -456,9 +478,9 @@ Lemma misses_are_decided : forall c w input w' out,
   consistent c w -> one_tick c w input w' out -> fate input = Taken ->
   is_running (discrete (server w)) = true -> outranks_a_miss (facts c w input) = false ->
   let before := discrete (server w) in let after := discrete (server w') in
-  let run := (misses before + skipped (facts c w input))%nat in
-  if (2 <=? run)%nat ||
-    (run =? 1)%nat && (match command (facts c w input) with None => true | _ => false end)
+  let in_a_row := (misses before + skipped (facts c w input))%nat in
+  if (2 <=? in_a_row)%nat ||
+    (in_a_row =? 1)%nat && (match command (facts c w input) with None => true | _ => false end)
   then phase after = SafeDisconnect /\ action (decision c w input) = Ramp
   else if by_budget (decision c w input) then True
   else is_running after = true /\
@@ -477,8 +499,9 @@ Proof.
   rewrite <- goes_on, same_server in decides. exact decides.
 Qed.
 
-(** The second miss in a row ends the session in its tick, and every channel
-    takes a step of the ramp; unless the budget of misses has ended it with the first. *)
+(** Of a session that runs: after two ticks in a row without a fresh command, with references taken
+    and nothing that outranks a miss, it is in SafeDisconnect, and every channel took a step of the ramp
+    in the second; unless the budget of misses ended it in the first. *)
 Theorem T4_second_miss_ramps : forall c w0 i1 w1 o1 i2 w2 o2,
   run c w0 -> one_tick c w0 i1 w1 o1 -> one_tick c w1 i2 w2 o2 ->
   is_running (discrete (server w0)) = true -> is_running (discrete (server w1)) = true ->
@@ -506,7 +529,9 @@ Proof.
   apply (channel_is_bounded c w1 i2 w2 o2 axis k ok1 second is_axis). exact is_ramp.
 Qed.
 
-(** One miss is tolerated: nothing but a hold happens, and a fresh command goes on. *)
+(** Of a session that runs, with no miss counted: a tick without a fresh command holds and changes no
+    phase; and with a fresh command in the next tick it runs on, with no miss counted. References are
+    taken, no cycle is skipped, nothing outranks a miss, and the budget of misses is not spent. *)
 Theorem T4_one_miss_is_tolerated : forall c w0 i1 w1 o1 i2 w2 o2,
   run c w0 -> one_tick c w0 i1 w1 o1 -> one_tick c w1 i2 w2 o2 ->
   is_running (discrete (server w0)) = true -> misses (discrete (server w0)) = 0%nat ->
@@ -531,8 +556,8 @@ Qed.
 
 (** * The ramp *)
 
-(** Without a session, and not at zero, every channel of every axis
-    takes exactly min(rho, |value|) towards zero, and never past it, under any input. *)
+(** In SafeDisconnect and Fault, unless all is at zero and known, every channel of every axis takes
+    exactly min(rho, |value|) towards zero, and never past it, whatever happens. *)
 Theorem T5_exact : forall c w input w' out axis k,
   run c w -> one_tick c w input w' out -> is_over (discrete (settled c w input)) = true ->
   all_zero (facts c w input) = false -> (axis < N)%nat ->
@@ -575,17 +600,21 @@ Lemma ramped_lowers : forall l before after bound, 0 <= bound ->
   ramped l before after -> Z.abs (count before) <= bound -> Z.abs (count after) <= Z.max 0 (bound - rho l).
 Proof. intros l before after bound positive [is_exact _] below. lia. Qed.
 
-(** After n ticks of a ramp that does not begin at zero in any of them, |value| has fallen by n rho,
-    or is zero: so it is zero after ceil(|value| / rho). *)
+(** From SafeDisconnect or Fault on, after n ticks whose references are taken and of which none begins
+    with all at zero, |value| has fallen by n rho, or is zero: it is zero if that is |value| or more. *)
 Theorem T5_ramp_ends : forall c inputs w last,
   run c w -> is_over (discrete (server w)) = true ->
   all_ticks c (fun w input => fate input = Taken /\ all_zero (facts c w input) = false) w inputs last ->
   forall axis k, (axis < N)%nat ->
-  Z.abs (count (channels (axes (server last) axis) k)) <=
-  Z.max 0 (Z.abs (count (channels (axes (server w) axis) k)) -
-    Z.of_nat (length inputs) * rho (limits (axis_config c axis) k)).
+  let first := count (channels (axes (server w) axis) k) in
+  let now := count (channels (axes (server last) axis) k) in
+  let fallen := Z.of_nat (length inputs) * rho (limits (axis_config c axis) k) in
+  Z.abs now <= Z.max 0 (Z.abs first - fallen) /\ (Z.abs first <= fallen -> now = 0).
 Proof.
-  intros c inputs. induction inputs as [|input rest rests]; intros w last ran over all axis k is_axis.
+  intros c inputs w last ran over all axis k is_axis first now fallen.
+  enough (Z.abs now <= Z.max 0 (Z.abs first - fallen)) by lia.
+  subst first now fallen. revert w last ran over all.
+  induction inputs as [|input rest rests]; intros w last ran over all.
   - simpl in all. subst last. simpl. lia.
   - destruct all as [[taken not_zero] [w' [out [ticked all]]]].
     pose proof (every_state_is_valid c w ran) as ok.
@@ -593,7 +622,7 @@ Proof.
     assert (is_over (discrete (server w')) = true) as over'.
     { apply (over_stays_over c w input w' out ok ticked); [rewrite same_server; exact over | exact not_zero]. }
     assert (run c w') as ran' by (eapply goes_on; eauto).
-    specialize (rests w' last ran' over' all axis k is_axis).
+    specialize (rests w' last ran' over' all).
     assert (is_over (discrete (settled c w input)) = true) as over0 by (rewrite same_server; exact over).
     pose proof (T5_exact c w input w' out axis k ran ticked over0 not_zero is_axis) as [is_exact _].
     rewrite same_server in is_exact.
@@ -603,11 +632,12 @@ Qed.
 
 (** * Who may command *)
 
-(** A session begins only in Listening, for who asked, and while every
-    offset in force at the drives, and every channel, is zero. *)
+(** A session begins only in Listening, for who asked, and while every offset in force at the drives,
+    and every channel, is zero. *)
 Theorem T6_T21_granted_at_zero : forall c w input w' out,
   run c w -> one_tick c w input w' out ->
   is_live (discrete (settled c w input)) = false -> is_live (discrete (server w')) = true ->
+  phase (discrete (settled c w input)) = Listening /\
   (exists from, hello (facts c w input) = Some (from, epoch (discrete (server w'))) /\
     owner (discrete (server w')) = Some from) /\
   forall axis k, (axis < N)%nat ->
@@ -621,7 +651,7 @@ Proof.
   destruct (tick_is_decided c w input w' out (proj1 ok) ticked) as [goes_on [_ [out_withheld _]]].
   destruct (decide_authority_needs_zero _ (facts c w input) (rules c) (type_config c) discrete_ok) as [granted _].
   rewrite goes_on in is_so. destruct (granted is_so was_not) as [listened [shakes [from [asked owns]]]].
-  split; [exists from; rewrite goes_on; split; assumption|].
+  split; [exact listened|]. split; [exists from; rewrite goes_on; split; assumption|].
   intros axis k is_axis.
   destruct (axes_ok axis is_axis) as [own [_ [rests _]]].
   destruct (after_ok axis is_axis) as [_ [_ [rests' _]]].
@@ -659,10 +689,12 @@ Proof.
   unfold decision in *. rewrite released, still, kept. reflexivity.
 Qed.
 
-(** It leads to Fault in its tick, and every channel takes a step of the ramp;
-    Fault lasts until a re-arm. *)
+(** A stop (heard, at the machine, a machine that is not read, a write that was not taken), an end and a
+    fault of the path: every channel takes a step of the ramp in that tick, and Fault lasts from then on
+    for as long as nobody presses re-arm. *)
 Theorem T9_a_stop_is_not_forgotten : forall c w input w' out rest last,
-  run c w -> one_tick c w input w' out -> stop (facts c w input) = true ->
+  run c w -> one_tick c w input w' out ->
+  stop (facts c w input) || quit (facts c w input) || nominal_fault (facts c w input) = true ->
   all_ticks c (fun _ input => at_rearm (cycle input) = false) w' rest last ->
   (forall axis k, (axis < N)%nat -> ramped (limits (axis_config c axis) k)
     (channels (axes (settled c w input) axis) k) (channels (axes (server w') axis) k)) /\
@@ -672,7 +704,7 @@ Proof.
   pose proof (every_state_is_valid c w ran) as ok.
   destruct (decide_stop_leads_to_fault _ (facts c w input) (rules c) (type_config c) (settled_discrete c w input ok))
     as [stops _].
-  rewrite stopped in stops. destruct (stops eq_refl) as [faulty is_ramp].
+  destruct (stops stopped) as [faulty is_ramp].
   destruct (tick_is_decided c w input w' out (proj1 ok) ticked) as [goes_on _].
   split.
   - intros axis k is_axis. apply (channel_is_bounded c w input w' out axis k ok ticked is_axis). exact is_ramp.
@@ -687,7 +719,7 @@ Proof.
       * apply (fault_stays c w' next_input w'' out ok' ticked faulty'). rewrite released. reflexivity.
 Qed.
 
-(** A server that starts with a latched stop is in Fault. *)
+(** A server that starts with a latched stop is in Fault for as long as nobody presses re-arm. *)
 Theorem T9_latch_outlives_the_server : forall c told w rest last,
   started c told w -> stop_latched told = true ->
   all_ticks c (fun _ input => at_rearm (cycle input) = false) w rest last ->
@@ -706,7 +738,8 @@ Proof.
     + apply (fault_stays c w input w' out ok ticked faulty). rewrite released. reflexivity.
 Qed.
 
-(** A re-arm that is stuck from the start on leads nowhere. *)
+(** A server that starts with a latched stop, and whose re-arm is pressed in every tick, stays in
+    Fault. *)
 Theorem T9_a_stuck_rearm_leads_nowhere : forall c told w rest last,
   started c told w -> stop_latched told = true ->
   all_ticks c (fun _ input => at_rearm (cycle input) = true) w rest last ->
@@ -846,8 +879,8 @@ Proof.
       destruct (type_limits (axis_config c axis) k) as [_ falls]. nia.
 Qed.
 
-(** A session that runs ends in Listening after 2 ticks and as many as the
-    slowest channel needs for its M, steps: ceil(M / rho), at least 1. *)
+(** If every tick hears nothing, a session that runs is in Listening after 2 ticks and as many steps,
+    at least 1, as rho of every channel needs to cover its M; and stays there. *)
 Theorem T22_silence_ends_in_listening : forall c inputs w last steps,
   run c w -> is_running (discrete (server w)) = true ->
   enough c (fun axis k => largest (limits (axis_config c axis) k)) steps ->
@@ -888,7 +921,8 @@ Proof.
   eapply (silent_ramp_listens c _ steps inputs w2 last 1); eauto; lia.
 Qed.
 
-(** A session that waits for its first command listens after the ticks of the handshake, and one. *)
+(** If every tick hears nothing, a session that waits for its first command is in Listening after the
+    ticks of the handshake, and one; and stays there. *)
 Theorem T22_handshake_ends_in_listening : forall c inputs w last,
   run c w -> phase (discrete (server w)) = Handshake ->
   (handshake_ticks (rules c) + 1 <= length inputs)%nat ->
@@ -921,6 +955,51 @@ Proof.
     + lia.
 Qed.
 
+(** * The owner *)
+
+Definition is_owners s (event : nat * Event) :=
+  match owner (discrete s) with Some who => (fst event =? who)%nat | None => false end.
+
+Lemma others_are_not_heard : N = 3%nat -> forall c s epochs events, valid c s ->
+  phase (discrete s) <> Listening ->
+  classify c s epochs (filter (is_owners s) events) = classify c s epochs events.
+Proof.
+  intros three c s epochs events is_valid active. rewrite 2!read_classify_is_one_by_one. generalize nothing.
+  induction events as [|[from event] rest rests]; intros a; [reflexivity|].
+  cbn [filter]. destruct (is_owners s (from, event)) eqn:is_his; cbn [fold_left]; [apply rests|].
+  rewrite rests. f_equal. symmetry.
+  apply sift_only_the_owner_decides; auto. intros owns. unfold is_owners in is_his. rewrite owns in is_his.
+  simpl in is_his. rewrite Nat.eqb_refl in is_his. discriminate.
+Qed.
+
+(** Outside Listening, what others than the owner send decides nothing: in a tick without it the server
+    decides the same, every axis does the same, and the same is written. *)
+Theorem T7_others_decide_nothing : N = 3%nat -> forall c w input,
+  run c w -> phase (discrete (settled c w input)) <> Listening ->
+  let after events := tick c (server w) (fate input) events (epochs input) (cycle input) in
+  let (all, out) := after (events input) in
+  let (of_owner, out') := after (filter (is_owners (settled c w input)) (events input)) in
+  discrete of_owner = discrete all /\ withheld of_owner = withheld all /\ off_path of_owner = off_path all /\
+  is_withheld out' = is_withheld out /\
+  forall axis, (axis < N)%nat ->
+    axes of_owner axis = axes all axis /\ references out' axis = references out axis.
+Proof.
+  intros three c w input ran active.
+  pose proof (every_state_is_valid c w ran) as ok. pose proof (settled_is_valid c w input ok) as is_settled.
+  pose proof (session_tick_is_its_parts three c (server w) (fate input) (events input) (epochs input)
+    (cycle input) (proj1 ok)) as of_all.
+  pose proof (session_tick_is_its_parts three c (server w) (fate input)
+    (filter (is_owners (settled c w input)) (events input)) (epochs input) (cycle input) (proj1 ok)) as of_his.
+  cbv beta zeta in of_all, of_his |- *. fold (settled c w input) in of_all, of_his.
+  rewrite (others_are_not_heard three c _ _ _ is_settled active) in of_his.
+  destruct (tick _ _ _ (events input) _ _) as [all out].
+  destruct (tick _ _ _ (filter _ _) _ _) as [of_owner out'].
+  destruct (step _ _ _ _ _) as [stepped of_step].
+  destruct of_all as [all_1 [all_2 [all_3 [all_4 all_5]]]]. destruct of_his as [his_1 [his_2 [his_3 [his_4 his_5]]]].
+  split; [congruence|]. split; [congruence|]. split; [congruence|]. split; [congruence|].
+  intros axis is_axis. destruct (all_2 axis is_axis). destruct (his_2 axis is_axis). split; congruence.
+Qed.
+
 (** * Epochs and sequences *)
 
 Lemma heard_is_new : N = 3%nat -> forall c w input, consistent c w ->
@@ -935,8 +1014,8 @@ Proof.
   - apply rests. apply sift_accepts_only_what_is_new; auto using settled_is_valid.
 Qed.
 
-(** In the life of a server no epoch is granted twice; within
-    one, a sequence acts once. *)
+(** In a tick the epoch does not fall, and rises if a session begins; while it stays, the accepted
+    sequence does not fall, and rises if the command is followed. *)
 Theorem T23_epochs_never_repeat : N = 3%nat -> forall c w input w' out,
   run c w -> one_tick c w input w' out ->
   let before := discrete (server w) in let after := discrete (server w') in
@@ -965,6 +1044,43 @@ Proof.
   - apply Nat.eqb_neq in is_same. destruct rises as [rises _]. repeat split; try lia.
 Qed.
 
+Lemma epochs_and_sequences_rise : N = 3%nat -> forall c inputs w last,
+  run c w -> all_ticks c (fun _ _ => True) w inputs last ->
+  let before := discrete (server w) in let after := discrete (server last) in
+  run c last /\ (epoch before <= epoch after)%nat /\
+  (epoch after = epoch before -> (accepted before <= accepted after)%nat).
+Proof.
+  intros three c inputs. induction inputs as [|input rest rests]; intros w last ran all before after.
+  - simpl in all. subst last. repeat split; auto.
+  - destruct all as [_ [w' [out [ticked all]]]].
+    destruct (T23_epochs_never_repeat three c w input w' out ran ticked) as [rises [_ [counts _]]].
+    destruct (rests w' last (goes_on c w input w' out ran ticked) all) as [runs [rises' counts']].
+    fold before in rises, counts. fold after in rises', counts'.
+    repeat split; [exact runs | lia | intros same_epoch].
+    etransitivity; [apply counts | apply counts']; lia.
+Qed.
+
+(** What a tick has accepted is not accepted again, however many ticks later: a command of the same
+    epoch has a higher sequence, and a Hello is for a higher epoch. *)
+Theorem T23_a_recorded_frame_acts_no_more : N = 3%nat -> forall c inputs w last later,
+  run c w -> all_ticks c (fun _ _ => True) w inputs last ->
+  let before := discrete (server w) in
+  (epoch (discrete (server last)) = epoch before -> forall sequence mode,
+    command (facts c last later) = Some (sequence, mode) -> (accepted before < sequence)%nat) /\
+  (forall from granted, hello (facts c last later) = Some (from, granted) -> (epoch before < granted)%nat).
+Proof.
+  intros three c inputs w last later ran all before.
+  destruct (epochs_and_sequences_rise three c inputs w last ran all) as [runs [rises counts]].
+  fold before in rises, counts. pose proof (every_state_is_valid c last runs) as ok.
+  destruct (heard_is_new three c last later ok) as [is_new_hello is_new_command].
+  pose proof (all_settle c (server last) (fate later) (proj1 ok)) as [_ [_ [same_epoch [same_sequence _]]]].
+  fold (settled c last later) in same_epoch, same_sequence.
+  split.
+  - intros same_session sequence mode is_command. specialize (counts same_session).
+    pose proof (is_new_command sequence mode is_command). lia.
+  - intros from granted is_hello. pose proof (is_new_hello from granted is_hello). lia.
+Qed.
+
 (** * Agitation *)
 
 (** Ticks that each end in Obtain, from one without agitation of an axis on; their number, and the sum
@@ -978,8 +1094,9 @@ Inductive obtains_for c axis : World -> nat -> Z -> World -> Prop :=
       (sum + Z.abs (change (channels (axes (server w') axis) Position) -
         change (channels (axes (server w) axis) Position))) w'.
 
-(** The second differences of n ticks of Obtain sum up to at
-    most B + r n, with B a thousand times r, until the tick before the one that ends the session. *)
+(** Over n ticks of Obtain whose references are taken, from a sum of zero on, the second differences of
+    the position offset sum up to at most B + r n, with B a thousand times r, if the axis is not beyond
+    its budget after them. *)
 Theorem T33_agitation_is_bounded : forall c axis w0 n sum w r,
   run c w0 -> (axis < N)%nat -> obtains_for c axis w0 n sum w ->
   refill (axis_config c axis) = Some r -> is_agitated (axes (server w) axis) (axis_config c axis) = false ->
@@ -1030,6 +1147,25 @@ Proof.
       cbv beta iota in counted.
       rewrite Nat2Z.inj_succ, Z.mul_succ_l. unfold largest_sum in counted. lia. }
   specialize (bounded is_calm). rewrite (agitated_by_its_sum w ok) in is_calm. apply Z.ltb_ge in is_calm. lia.
+Qed.
+
+(** An axis that is beyond its budget ends the session in that tick, with a step of the ramp. *)
+Theorem T33_beyond_the_budget_it_ends : forall c w input w' out axis,
+  run c w -> one_tick c w input w' out -> is_live (discrete (settled c w input)) = true ->
+  (axis < N)%nat -> is_agitated (axes (settled c w input) axis) (axis_config c axis) = true ->
+  is_over (discrete (server w')) = true /\
+  forall axis k, (axis < N)%nat -> ramped (limits (axis_config c axis) k)
+    (channels (axes (settled c w input) axis) k) (channels (axes (server w') axis) k).
+Proof.
+  intros c w input w' out axis ran ticked live is_axis shakes.
+  pose proof (every_state_is_valid c w ran) as ok.
+  assert (agitated (facts c w input) = true) as seen.
+  { simpl. apply existsb_exists. exists axis. split; [apply in_seq; lia|exact shakes]. }
+  destruct (agitation_ends_a_session _ (facts c w input) (rules c) (type_config c)
+    (settled_discrete c w input ok) seen live) as [over is_ramp].
+  destruct (tick_is_decided c w input w' out (proj1 ok) ticked) as [goes_on _].
+  split; [rewrite goes_on; exact over|]. intros other k is_other.
+  apply (channel_is_bounded c w input w' out other k ok ticked is_other). exact is_ramp.
 Qed.
 
 End OfThreeAndSixAxes.

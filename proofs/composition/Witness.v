@@ -12,17 +12,18 @@ Module WitnessOf (Size : SIZE) <: ROWS.
 
 Definition N := Size.axes_of_all.
 Definition Config := unit.
-Definition AxisConfig := unit.
+(** Whether an axis has no budget of agitation to spend. *)
+Definition AxisConfig := bool.
 Definition rules (_ : Config) := {| handshake_ticks := 2; budget := None |}.
-Definition axis_config (_ : Config) (_ : nat) : AxisConfig := tt.
+Definition axis_config (_ : Config) (axis : nat) : AxisConfig := (axis =? 2)%nat.
 Definition limits (_ : AxisConfig) (_ : Kind) :=
   {| largest := 20; step_limit := 10; accel := 20; rho := 10 |}.
 Definition lower (_ : AxisConfig) := -1000000.
 Definition upper (_ : AxisConfig) := 1000000.
 Definition accel_is_fault (_ : AxisConfig) := false.
-Definition refill (_ : AxisConfig) := Some 10.
+Definition refill (g : AxisConfig) := Some (if g then 0 else 10).
 
-(** A Hello, or a command with its target. *)
+(** A Hello, or a command with its target, which is 20 less for the axis without a budget. *)
 Inductive Asks := Hello | Command (sequence : nat) (mode : Mode) (target : Z) | Goodbye.
 Definition Event := Asks.
 Definition Epochs := unit.
@@ -67,8 +68,8 @@ Definition decide s f (r : Rules) :=
       | None => if (S (waited s) <? handshake_ticks r)%nat then does (waits s) Hold else ends s
       end
   | Submit | Obtain =>
-      let run := (misses s + skipped f)%nat in
-      if breaks f || (2 <=? run)%nat || (run =? 1)%nat && (match command f with None => true | _ => false end)
+      let in_a_row := (misses s + skipped f)%nat in
+      if breaks f || (2 <=? in_a_row)%nat || (in_a_row =? 1)%nat && (match command f with None => true | _ => false end)
       then ends s
       else match command f with
       | None => does (goes (phase s) (owner s) s true) Hold
@@ -104,7 +105,7 @@ Definition act a m (g : AxisConfig) :=
       shadow := fun k => match shadow_to_do m with
         | Some todo => acts todo (target m k) (shadow a k) | None => resting end;
       nominal := nominal_now m;
-      agitation := if obtains m then Z.max 0 (Z.min (agitation a + d) largest_sum - 10) else 0;
+      agitation := if obtains m then Z.max 0 (Z.min (agitation a + d) largest_sum - (if g then 0 else 10)) else 0;
       others := others a |},
    {| position := clamp (-1000000) 1000000 (nominal_now m + count (after Position));
       pushes := fun k => count (after k) |}).
@@ -115,6 +116,7 @@ Include Terms.
 
 (** ** A tick *)
 
+Definition is_from (own : option nat) from := match own with Some who => (who =? from)%nat | None => false end.
 Definition sift (c : Config) s (_ : Epochs) (heard : nat * Event) a :=
   let (from, event) := heard in
   let f := asked a in
@@ -125,11 +127,11 @@ Definition sift (c : Config) s (_ : Epochs) (heard : nat * Event) a :=
       framing := framing f; flood := flood f; closed := closed f; goodbye := goodbye f;
       agitated := agitated f; command := command f; hello := Some (from, S (epoch (discrete s)));
       skipped := skipped f; all_zero := all_zero f |} (targets a)
-  | Command sequence mode goal, _ => if (accepted (discrete s) <? sequence)%nat then with_f {|
+  | Command sequence mode goal, _ => if is_from (owner (discrete s)) from && (accepted (discrete s) <? sequence)%nat then with_f {|
       stop := stop f; quit := quit f; rearm := rearm f; nominal_fault := nominal_fault f;
       framing := framing f; flood := flood f; closed := closed f; goodbye := goodbye f;
       agitated := agitated f; command := Some (sequence, mode); hello := hello f;
-      skipped := skipped f; all_zero := all_zero f |} (fun _ _ => goal) else a
+      skipped := skipped f; all_zero := all_zero f |} (fun axis _ => if (axis =? 2)%nat then goal - 20 else goal) else a
   | _, _ => a
   end.
 Definition classify c s epochs events :=
@@ -154,7 +156,7 @@ Definition step c s i refused a :=
       off_path := holds o; paced := is_paced o; noted := noted s |},
    {| references := fun axis => snd (acted axis); is_withheld := withheld s |}).
 
-Definition is_known (c : Config) (found : nat -> InForce) :=
+Definition is_within (c : Config) (found : nat -> InForce) :=
   every (fun i => all_kinds (fun k => Z.abs (offsets_in_force (found i) k) <=? 20)).
 Definition over s := match phase s with
   | Fault => s
@@ -172,7 +174,7 @@ Definition withholds s := {|
 Definition settle (c : Config) s w :=
   match w with
   | Taken => s
-  | Refused found => if is_known c found then {|
+  | Refused found => if is_within c found then {|
       discrete := over (discrete s); axes := fun i => rest_at (found i); withheld := false;
       off_path := true; paced := false; noted := noted s |} else withholds s
   | Unknown => withholds s
@@ -187,7 +189,7 @@ Definition blank p is_latched := {|
 Definition are_zero (found : nat -> InForce) :=
   every (fun i => all_kinds (fun k => offsets_in_force (found i) k =? 0)).
 Definition start (c : Config) told :=
-  if is_known c (in_force told) then Some {|
+  if is_within c (in_force told) then Some {|
     discrete := if stop_latched told then blank Fault true
       else blank (if are_zero (in_force told) then Listening else SafeDisconnect) false;
     axes := fun i => rest_at (in_force told i); withheld := false; off_path := true; paced := false;
@@ -219,8 +221,8 @@ Qed.
 Lemma decide_second_miss_ends : forall s f r, (0 < handshake_ticks r)%nat ->
   discrete_valid (handshake_ticks r) s -> is_running s = true -> outranks_a_miss f = false ->
   let d := decide s f r in
-  let run := (misses s + skipped f)%nat in
-  if (2 <=? run)%nat || (run =? 1)%nat && (match command f with None => true | _ => false end)
+  let in_a_row := (misses s + skipped f)%nat in
+  if (2 <=? in_a_row)%nat || (in_a_row =? 1)%nat && (match command f with None => true | _ => false end)
   then phase (next d) = SafeDisconnect /\ action d = Ramp
   else if by_budget d then True
   else is_running (next d) = true /\
@@ -353,7 +355,7 @@ Proof.
   assert (forall h, h < 0 -> (0 <=? h) = false) as down by (intros; apply Z.leb_gt; assumption).
   unfold channel_valid, admits, value, ramped, lower, upper in *. simpl in *.
   set (h := channels a k) in *. clearbody h. destruct h as [v d]. simpl in *.
-  split; [|split; [|split; [|split; [|split; [|split; [|split; [|split]]]]]]]; try apply is_valid; auto.
+  split; [|split; [|split; [|split; [|split; [|split; [|split; [|split; [|split]]]]]]]]; try apply is_valid; auto.
   - destruct (to_do m); simpl; unfold clamp; try lia. destruct (Z_le_dec 0 v); [rewrite up | rewrite down]; lia.
   - destruct (to_do m); simpl; unfold clamp; lia.
   - destruct (to_do m); simpl; unfold clamp; try lia. destruct (Z_le_dec 0 v); [rewrite up | rewrite down]; lia.
@@ -427,9 +429,9 @@ Proof.
   - apply all. apply in_seq in within. lia.
 Qed.
 
-Lemma is_known_says : forall c found, is_known c found = true <-> known c found.
+Lemma is_within_says : forall c found, is_within c found = true <-> within_limits c found.
 Proof.
-  intros c found. unfold is_known, known, admits, all_kinds. rewrite every_says. simpl. split; intros all i.
+  intros c found. unfold is_within, within_limits, admits, all_kinds. rewrite every_says. simpl. split; intros all i.
   - intros k within. specialize (all i within).
     apply andb_prop in all as [all torque]. apply andb_prop in all as [place velocity].
     destruct k; apply Z.leb_le; assumption.
@@ -476,12 +478,12 @@ Proof.
   pose proof (over_says _ _ discrete_ok) as [over_ok [is_over [same_epoch [same_sequence same_release]]]].
   subst after. destruct w as [|found|]; simpl.
   - auto 10.
-  - destruct (is_known c found) eqn:is_so; simpl.
-    + apply is_known_says in is_so. split.
+  - destruct (is_within c found) eqn:is_so; simpl.
+    + apply is_within_says in is_so. split.
       * split; [exact over_ok|]. split; [|discriminate]. intros i within. simpl.
         apply rest_is_valid; [intros k; apply is_so; exact within|left; apply over_is_no_place_of_rest; exact is_over].
       * repeat split; auto; try discriminate; intros; contradiction.
-    + assert (~ known c found) as unknown by (rewrite <- is_known_says, is_so; discriminate).
+    + assert (~ within_limits c found) as unknown by (rewrite <- is_within_says, is_so; discriminate).
       split; [apply withholds_is_valid; exact is_valid|]. repeat split; auto; intros; contradiction.
   - split; [apply withholds_is_valid; exact is_valid|]. repeat split; auto.
 Qed.
@@ -513,21 +515,33 @@ Proof. intros c s w events epochs i _. unfold tick. destruct (step _ _ _ _ _). a
 Definition session_tick_is_its_parts (_ : N = 3%nat) := all_ticks_have_parts.
 Definition session_of_6_axes_tick_is_its_parts (_ : N = 6%nat) := all_ticks_have_parts.
 
+Lemma sift_only_the_owner_decides : N = 3%nat -> forall c s epochs from event a, valid c s ->
+  owner (discrete s) <> Some from -> phase (discrete s) <> Listening ->
+  sift c s epochs (from, event) a = a.
+Proof.
+  intros _ c s epochs from event a _ other active. unfold sift. destruct event as [|sequence mode goal|].
+  - destruct (phase (discrete s)); congruence.
+  - destruct (is_from (owner (discrete s)) from) eqn:is_so; [exfalso|reflexivity].
+    unfold is_from in is_so. destruct (owner (discrete s)); [|discriminate].
+    apply Nat.eqb_eq in is_so. congruence.
+  - destruct (phase (discrete s)); reflexivity.
+Qed.
+
 Lemma sift_accepts_only_what_is_new : N = 3%nat -> forall c s epochs event a, valid c s ->
   is_new (discrete s) (asked a) -> is_new (discrete s) (asked (sift c s epochs event a)).
 Proof.
   intros _ c s epochs [from event] a _ [new_epoch new_sequence]. unfold sift.
   destruct event as [|sequence mode goal|].
   - destruct (phase (discrete s)); split; simpl; auto. intros whom e asked_for. inversion asked_for. lia.
-  - destruct (accepted (discrete s) <? sequence)%nat eqn:is_later; [|split; assumption].
-    apply Nat.ltb_lt in is_later. split; simpl; auto. intros x y is_it. inversion is_it. subst. exact is_later.
+  - destruct (is_from _ _ && _) eqn:is_later; [|split; assumption].
+    apply andb_prop in is_later as [_ is_later]. apply Nat.ltb_lt in is_later. split; simpl; auto. intros x y is_it. inversion is_it. subst. exact is_later.
   - split; assumption.
 Qed.
 
 Lemma all_start : starts.
 Proof.
-  intros c told. unfold start. destruct (is_known c (in_force told)) eqn:is_so.
-  - apply is_known_says in is_so. split; [exact is_so|]. simpl. split.
+  intros c told. unfold start. destruct (is_within c (in_force told)) eqn:is_so.
+  - apply is_within_says in is_so. split; [exact is_so|]. simpl. split.
     + split; [|split; [|discriminate]].
       * destruct (stop_latched told); [|destruct (are_zero (in_force told))]; unfold discrete_valid; simpl; auto 10.
       * intros i within. apply rest_is_valid; [intros k; apply is_so; exact within|]. simpl.
@@ -546,7 +560,7 @@ Definition total_start_of_six (_ : N = 6%nat) := all_start.
 Lemma type_limits : forall g k, 0 <= largest (limits g k) /\ 0 <= rho (limits g k).
 Proof. intros. simpl. lia. Qed.
 Lemma type_budget : forall g r, refill g = Some r -> 0 <= r <= 1000000.
-Proof. intros g r is_so. inversion is_so. lia. Qed.
+Proof. intros g r is_so. inversion is_so. destruct g; lia. Qed.
 Lemma type_config : forall c, (0 < handshake_ticks (rules c))%nat.
 Proof. intros. simpl. lia. Qed.
 Lemma read_classify_is_one_by_one : forall c s epochs events,

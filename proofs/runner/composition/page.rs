@@ -15,10 +15,12 @@ const END: &str = "<!-- end of what `table` writes -->";
 /// Axioms that the manifest does not have, or has at another number of axes; rows that the text
 /// names and the manifest does not have. `sources` has the other names of the text.
 pub(super) fn disagreements(page: &str, manifest: &Manifest, sources: &str) -> Vec<String> {
+    // A definition, or a field of a record.
     let is_of_sources = |name: &str| {
-        ["Theorem", "Definition", "Axiom"]
+        ["Theorem", "Definition", "Axiom", "Inductive", "Fixpoint"]
             .iter()
             .any(|word| sources.contains(&format!("{word} {name} ")))
+            || sources.contains(&format!(" {name} : "))
     };
     let mut wrong = Vec::new();
     for line in page.lines() {
@@ -79,9 +81,12 @@ pub(super) fn with_lists(
     text.push_str("Axioms, and the values for which their rows are proved:\n\n");
     for axiom in axioms {
         let domain = match manifest.row(&axiom.name) {
-            Some(row) => row.domain.as_str(),
-            None if axiom.is_of_type() => "an invariant of a type with private fields",
-            None => "read from the source",
+            Some(row) if row.assumes.is_empty() => row.domain.clone(),
+            Some(row) => format!("{}; where {}", row.domain, row.assumes.join(", and ")),
+            None if axiom.is_of_type() => {
+                "no row: an invariant of a type, which its constructor checks".to_owned()
+            }
+            None => "no row: read from the source".to_owned(),
         };
         item(&mut text, &format!("`{}`: {domain}.", axiom.name));
     }
@@ -124,8 +129,11 @@ fn sentences(source: &str) -> BTreeMap<&str, String> {
             comment = begins.to_owned();
         } else if let Some(rest) = line.strip_prefix("Theorem ") {
             let name = rest.split([' ', ':']).next().unwrap_or_default();
-            let said = comment.split("*)").next().unwrap_or_default().trim();
-            found.insert(name, said.to_owned());
+            let mut said = (comment.split("*)").next().unwrap_or_default().trim()).to_owned();
+            if rest.contains(" : N = 3%nat -> ") {
+                said.push_str(" At three axes only.");
+            }
+            found.insert(name, said);
             comment.clear();
         } else if !comment.is_empty() && !comment.contains("*)") {
             comment.push(' ');
