@@ -13,6 +13,7 @@
 //! | [`endpoint`] | session, deframers and motors: bytes in, drive references and bytes out |
 //! | [`keys`] | tags of frames under shared keys; feature `keyed`, default |
 //! | [`client`] | the client's half of the protocol: bytes in, events and bytes out |
+//! | [`pacer`] | targets of a slow program, as one target per tick; feature `pacer`, default |
 //! | [`monitor`] | independent run-time check of States and references against limits |
 
 pub mod agitation;
@@ -26,6 +27,8 @@ mod fixture;
 pub mod keys;
 pub mod message;
 pub mod monitor;
+#[cfg(feature = "pacer")]
+pub mod pacer;
 #[cfg(feature = "position-loop")]
 pub mod position_loop;
 pub mod session;

@@ -2,7 +2,7 @@
 //! agree.
 //!
 //! A row depends on
-//! - core without the wings that its family does not name: `model`, and `position_loop`;
+//! - core without the wings that its family does not name: `model`, `pacer` and `position_loop`;
 //! - the file of its family, the properties that file names, and those that they name;
 //! - the C interface, and LabComm, where these name it;
 //! - of the manifests, of Cargo.lock and of Cargo's configuration, the parts that concern core and
@@ -12,8 +12,8 @@
 //! - the flags of Kani, and the rules of this program.
 //!
 //! A wing is the finest part of core that can be recognised from the text alone. Core compiles
-//! without the features `model` and `position-loop` (CI does it), so nothing else depends on these
-//! wings. (The feature `keyed` is no wing: it gates parts of many files, which count for every row.)
+//! without the features `model`, `pacer` and `position-loop` (CI does it), so nothing else depends
+//! on these wings. (The feature `keyed` is no wing: it gates parts of many files, which count for every row.)
 //! Inside a wing, an `impl` in any file may decide what another one does. Of the properties
 //! that could be so too, therefore [`strays`] wants every `impl` in the file of its trait or its
 //! type.
@@ -47,7 +47,7 @@ struct Wing {
     is_named: fn(&str) -> bool,
 }
 
-const WINGS: [Wing; 2] = [
+const WINGS: [Wing; 3] = [
     // A path; the word alone may stand in a text.
     Wing {
         feature: "model",
@@ -58,6 +58,11 @@ const WINGS: [Wing; 2] = [
         feature: "position-loop",
         is_common: false,
         is_named: |text| words(text).any(|word| word == "position_loop"),
+    },
+    Wing {
+        feature: "pacer",
+        is_common: false,
+        is_named: |text| words(text).any(|word| word == "pacer"),
     },
 ];
 

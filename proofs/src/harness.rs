@@ -137,6 +137,8 @@ mod monitor;
 mod motors;
 #[cfg(any(not(feature = "only"), feature = "no_panic"))]
 mod no_panic;
+#[cfg(feature = "pacer")]
+mod pacer;
 #[cfg(feature = "position_loop")]
 mod position_loop;
 #[cfg(any(not(feature = "only"), feature = "session"))]
@@ -166,6 +168,7 @@ pub const HARNESSES: &[&[Harness]] = &[
     monitor::HARNESSES,
     motors::HARNESSES,
     no_panic::HARNESSES,
+    pacer::HARNESSES,
     position_loop::HARNESSES,
     session::HARNESSES,
     wire::HARNESSES,

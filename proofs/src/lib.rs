@@ -10,10 +10,10 @@
 //! ```
 //!
 //! (and `--features capi` for one of the C interface, `--features keys` for one of the keys,
-//! `--features labcomm` for one of LabComm, `--features position_loop` for one of the position
-//! loop).
+//! `--features labcomm` for one of LabComm, `--features pacer` for one of the pacer, `--features
+//! position_loop` for one of the position loop).
 //!
-//! The theorems, T1 to T31 and T33, are listed in this folder's RESULTS.md and explained in its
+//! The theorems, T1 to T33, are listed in this folder's RESULTS.md and explained in its
 //! theorems.md.
 #![forbid(unsafe_code)]
 #![allow(

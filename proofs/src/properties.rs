@@ -20,6 +20,8 @@ pub mod kinematics;
 pub mod labcomm;
 pub mod monitor;
 pub mod motors;
+#[cfg(feature = "pacer")]
+pub mod pacer;
 #[cfg(feature = "position_loop")]
 pub mod position_loop;
 pub mod session;

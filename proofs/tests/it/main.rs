@@ -14,6 +14,7 @@ mod floats;
 mod keys;
 mod known_solution;
 mod labcomm;
+mod pacer;
 mod position_loop;
 #[cfg(feature = "runner")]
 mod runner;

@@ -594,8 +594,9 @@ core/src/control/channel.rs ~ let rest = self.value.unsigned_abs(); ~ let rest =
 core/src/control/channel.rs ~ mod tests { ~ mod tests {\nconst NEW: u32 = 0; ~ current
 core/src/model/lu.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
 core/src/control/position_loop/terms.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
+core/src/control/pacer.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
 core/src/verification/position_loop.rs ~ pub use ~ use core::any as _;\npub use ~ current
-core/Cargo.toml ~ default = ["model", "position-loop", "keyed"] ~ default = ["position-loop", "model", "keyed"] ~ current
+core/Cargo.toml ~ default = ["model", "position-loop", "keyed", "pacer"] ~ default = ["position-loop", "model", "keyed"] ~ current
 core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ current
 proofs/src/properties/session.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
 proofs/src/harness/wire.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ current
@@ -612,7 +613,7 @@ proofs/manifest.toml ~ theorems = ["T5"] ~ theorems = ["T5", "T1"] ~ stale
 proofs/manifest.toml ~ never past it; the magnitude ~ never past it; the size ~ stale
 Cargo.toml ~ opt-level = 1 ~ opt-level = 2 ~ stale
 core/Cargo.toml ~ heapless = "0.8" ~ heapless = "0.8.0" ~ stale
-core/Cargo.toml ~ default = ["model", "position-loop", "keyed"] ~ default = ["position-loop", "keyed"] ~ stale
+core/Cargo.toml ~ default = ["model", "position-loop", "keyed", "pacer"] ~ default = ["position-loop", "keyed", "pacer"] ~ stale
 core/Cargo.toml ~ [dependencies] ~ [lib]\npath = "src/lib.rs"\n\n[dependencies] ~ stale
 proofs/Cargo.toml ~ features = ["model", "verification"] ~ features = ["model", "std", "verification"] ~ stale
 .cargo/config.toml ~ [build] ~ [build]\nrustflags = ["--cfg", "other"] ~ stale
@@ -624,7 +625,7 @@ Cargo.lock ~ name = "heapless"\nversion = "0.8 ~ name = "heapless"\nversion = "0
 core/src/control/channel.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ stale
 core/src/control/position_loop/terms.rs ~ \nuse ~ \nuse core::any as _;\nuse ~ stale
 core/src/verification/position_loop.rs ~ pub use ~ use core::any as _;\npub use ~ stale
-core/Cargo.toml ~ default = ["model", "position-loop", "keyed"] ~ default = ["model", "keyed"] ~ stale
+core/Cargo.toml ~ default = ["model", "position-loop", "keyed", "pacer"] ~ default = ["model", "keyed", "pacer"] ~ stale
 core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
 
     /// An edit makes a result stale if the verdict may depend on it; `check` names the row, and
@@ -727,7 +728,7 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
     #[test]
     fn a_wing_is_a_module() {
         let toy = Toy::new("wing");
-        for feature in ["model", "position-loop"] {
+        for feature in ["model", "pacer", "position-loop"] {
             let file = "core/src/control/channel.rs";
             let text = toy.read(file);
             toy.write(

@@ -9,6 +9,7 @@ use gantry_tau_core::control::client::Requirements;
 use gantry_tau_core::control::endpoint::{Budget, Greeted};
 use gantry_tau_core::control::keys::{Key, KeyId, Keyring, Role};
 use gantry_tau_core::control::message::Capabilities;
+use gantry_tau_core::control::pacer::{Paced, Pacer, Settings, Target};
 use gantry_tau_core::control::position_loop::config::{LoopConfig, LoopValues};
 use gantry_tau_core::control::position_loop::{LoopInput, PositionLoops};
 use gantry_tau_core::model::compensation::{CompensatorConfig, Correction};
@@ -19,8 +20,9 @@ use gantry_tau_core::model::sensor::{ForceSensor, Reading, SensorConfig};
 use gantry_tau_core::model::statics::Wrench;
 use gantry_tau_core::model::{f1, l2};
 use gantry_tau_core::{
-    BlackBox, Client, Config, Connection, Endpoint, EpochRange, Mode, Monitor, MotorMap, Offsets,
-    Parameters, PositionNm, Session, Start, State, TickInput, Transport, Write,
+    BlackBox, Client, Config, Connection, Endpoint, EpochRange, Limits, Mode, Monitor, MotorMap,
+    OffsetNm, Offsets, Parameters, PositionNm, Session, Start, State, Tick, TickInput, Transport,
+    Write,
 };
 use nalgebra::{Matrix3, Vector3};
 
@@ -188,6 +190,29 @@ fn run_loops(values: &[LoopValues; 6], inputs: &[LoopInput; 6], accepted: bool) 
         sum.wrapping_add(stopped)
             .wrapping_add(i64::from(loops.is_valid() && loops.is_at_rest())),
     )
+}
+
+/// The pacer of six axes: check, target, ticks, a new beginning.
+#[unsafe(no_mangle)]
+pub extern "C" fn pacer(
+    limits: &[Limits<OffsetNm>; 6],
+    settings: &Settings,
+    target: &Target<6>,
+    now: u64,
+) -> i64 {
+    let Ok(mut pacer) = Pacer::<6>::new(*limits, *settings, Tick(now)) else {
+        return 0;
+    };
+    let mut sum = i64::from(pacer.push(*target).is_ok());
+    for passed in 1..3 {
+        if let Paced::Targets(offsets) = pacer.tick(Tick(now.saturating_add(passed))) {
+            pacer.restart(&offsets);
+            for offset in offsets {
+                sum = sum.wrapping_add(i64::from(offset.0));
+            }
+        }
+    }
+    sum.wrapping_add(i64::from(pacer.silent_ticks()))
 }
 
 /// The client's half of the protocol, and the monitor.
