@@ -143,6 +143,8 @@ mod pacer;
 mod position_loop;
 #[cfg(any(not(feature = "only"), feature = "session"))]
 mod session;
+#[cfg(any(not(feature = "only"), feature = "tick"))]
+mod tick;
 #[cfg(any(not(feature = "only"), feature = "wire"))]
 mod wire;
 
@@ -171,5 +173,6 @@ pub const HARNESSES: &[&[Harness]] = &[
     pacer::HARNESSES,
     position_loop::HARNESSES,
     session::HARNESSES,
+    tick::HARNESSES,
     wire::HARNESSES,
 ];

@@ -222,13 +222,13 @@ impl<const N: usize, const WAITING: usize> Pacer<N, WAITING> {
         Paced::Targets(self.offsets())
     }
 
-    /// Begins again from offsets in force, at rest. Targets that wait are forgotten. An offset beyond
-    /// its limit, which no server has, counts as zero.
+    /// Begins again from offsets in force, at rest, on a line to the next target that waits. An offset
+    /// beyond its limit, which no server has, counts as zero.
     pub fn restart(&mut self, offsets: &[OffsetNm; N]) {
         for (axis, offset) in self.axes.iter_mut().zip(offsets) {
             axis.channel = Channel::from_parts(*offset, 0, &axis.limits).unwrap_or_default();
         }
-        self.schedule.rest(self.played(self.now), self.offsets());
+        self.schedule.stand(self.played(self.now), self.offsets());
     }
 
     /// Time that is played in a tick.

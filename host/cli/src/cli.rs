@@ -16,6 +16,7 @@ mod machine;
 mod man;
 mod monitor;
 mod outputs;
+mod pace;
 mod plan;
 mod plant;
 mod publication;
@@ -68,6 +69,7 @@ enum Command {
     Demo(demo::Demo),
     Serve(serve::Serve),
     Client(client::Client),
+    Pace(pace::Pace),
     Key(key::KeyCommand),
     Monitor(monitor::Monitor),
     Recover(recover::Recover),
@@ -113,7 +115,7 @@ impl Command {
     fn begin(&self) -> std::io::Result<Option<WritesRest>> {
         let (suspension, reader) = match self {
             Self::Serve(_) => (Suspension::Ignored, OutputReader::Person),
-            Self::Client(_) | Self::Demo(_) | Self::Experiment(_) => {
+            Self::Client(_) | Self::Pace(_) | Self::Demo(_) | Self::Experiment(_) => {
                 (Suspension::Allowed, OutputReader::Person)
             }
             Self::Monitor(_) | Self::Faults(_) => (Suspension::Allowed, OutputReader::Program),
@@ -168,6 +170,7 @@ pub fn main() -> ExitCode {
         Command::Demo(demo) => run_on(AnyRobotFile::named(&demo.robot), demo),
         Command::Serve(serve) => run_on(AnyRobotFile::named(&serve.robot), serve),
         Command::Client(client) => run_on(AnyRobotFile::named(&client.robot), client),
+        Command::Pace(pace) => run_on(AnyRobotFile::named(&pace.robot), pace),
         Command::Key(key) => key.run(),
         Command::Monitor(monitor) => monitor.run(),
         Command::Recover(recover) => recover.run(),

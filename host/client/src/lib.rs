@@ -7,6 +7,7 @@
 //! | [`Connection`] | a session over TCP or UDP, for clients that compute offsets of their own |
 //! | [`Compensation`] | from a force and the positions of the axes to offsets |
 //! | [`force_sensor`] | sources of the measured force |
+//! | [`pace`] | a port for programs that are slower than the server |
 //! | [`operator`] | commands that are typed while the client runs |
 //!
 //! A client of one's own:
@@ -36,6 +37,7 @@ pub mod force_sensor;
 mod notches;
 pub mod operator;
 mod oscillation;
+pub mod pace;
 mod run;
 mod stability;
 

@@ -24,7 +24,7 @@ use crate::force_sensor::{Sample, SensorConnection};
 
 /// Longest time for each step: to connect, to be welcomed, to hear the next State, to leave. A
 /// server that takes longer has vanished.
-const PATIENCE: Duration = Duration::from_secs(3);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
 /// States that the last usable force sample may serve.
 const SAMPLE_STATES: u64 = 100;
 
@@ -403,7 +403,8 @@ impl<const N: usize> ClientSession<'_, N> {
     }
 }
 
-fn ended<const N: usize>(state: &State<N>) -> ClientError {
+/// Returns the error of a session that has ended.
+pub(crate) fn ended<const N: usize>(state: &State<N>) -> ClientError {
     match state.cause {
         Cause::None => ClientError::Vanished("it forgot the session".to_owned()),
         cause => ClientError::Ended(cause),

@@ -2,7 +2,6 @@
 
 use gantry_tau_core::control::message::{Counters, Phase};
 use gantry_tau_core::control::session::config::Config;
-use gantry_tau_core::control::session::{Events, Input, Session};
 use gantry_tau_core::verification::control::{Axis, Diagnostics, FsmState, Rules};
 
 use super::kani;
@@ -33,44 +32,12 @@ fn any_input<const N: usize>() -> StepInput<N> {
     }
 }
 
-/// Any input of a tick with at most one event.
-fn any_tick<const N: usize>() -> Input<N> {
-    let mut events = Events::new();
-    if kani::any() {
-        assert!(events.push(kani::any()).is_ok(), "there is room");
-    }
-    kani::cover!(!events.is_empty(), "an event");
-    Input {
-        tick: kani::any(),
-        last_write: kani::any(),
-        arrival_us: kani::any(),
-        unauthentic: kani::any(),
-        epochs: kani::any(),
-        events,
-    }
-}
-
 /// Checks a property with decision and axis as unknown functions.
 fn with_unknown_parts(property: impl FnOnce()) {
     stand_in::choose_bit(kani::any());
     stand_in::choose_argument(kani::any(), kani::any());
     property();
     kani::cover!(true, "the property returns");
-}
-
-/// [`stand_in::classify`] with a lifetime that counts as a parameter, as it does in the method: Kani
-/// compares their numbers.
-#[cfg(kani)]
-fn classify<'a, const N: usize>(
-    classifier: &gantry_tau_core::verification::control::Classifier<'a, N>,
-    connection: gantry_tau_core::control::session::Connection,
-    event: &gantry_tau_core::control::session::Event<N>,
-    accepted: &mut gantry_tau_core::verification::control::Accepted<N>,
-    diagnostics: &mut Diagnostics,
-) where
-    'a: 'a,
-{
-    stand_in::classify(classifier, connection, event, accepted, diagnostics);
 }
 
 harnesses! {
@@ -88,8 +55,6 @@ harnesses! {
     session_of_6_axes_decides_by_the_rules [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] { with_unknown_parts(|| session::decides_by_the_rules(&any_input::<6>())); }
     session_step_is_its_parts [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] { with_unknown_parts(|| session::step_is_its_parts(&any_input::<AXES>())); }
     session_of_6_axes_step_is_its_parts [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] { with_unknown_parts(|| session::step_is_its_parts(&any_input::<6>())); }
-    session_tick_is_its_parts [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act), stub(gantry_tau_core::verification::control::Classifier::classify, classify)] { with_unknown_parts(|| session::tick_is_its_parts(&kani::any::<Session<AXES>>(), &any_tick())); }
-    session_of_6_axes_tick_is_its_parts [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act), stub(gantry_tau_core::verification::control::Classifier::classify, classify)] { with_unknown_parts(|| session::tick_is_its_parts(&kani::any::<Session<6>>(), &any_tick())); }
     session_axis_of_many_stays_valid [minisat, unwind 5] {
         let config: Config<1> = kani::any();
         let ([axis], discrete, rules) = (config.parameters().axes, kani::any::<FsmState>(), kani::any::<Rules>());

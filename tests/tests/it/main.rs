@@ -33,6 +33,7 @@ mod labcomm_page;
 mod no_allocation;
 mod oracle_vectors;
 mod oscillation;
+mod pace;
 mod panic_free;
 mod places;
 mod planner;

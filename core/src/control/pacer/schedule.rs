@@ -27,9 +27,14 @@ impl<const N: usize, const WAITING: usize> Schedule<N, WAITING> {
         }
     }
 
+    /// Is at these offsets, on the way to the next target.
+    pub(super) const fn stand(&mut self, at: Tick, offsets: [OffsetNm; N]) {
+        self.from = Target { at, offsets };
+    }
+
     /// Forgets all targets, and stays at these offsets.
     pub(super) fn rest(&mut self, at: Tick, offsets: [OffsetNm; N]) {
-        self.from = Target { at, offsets };
+        self.stand(at, offsets);
         self.waiting.clear();
     }
 

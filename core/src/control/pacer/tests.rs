@@ -168,9 +168,17 @@ fn it_begins_again_from_what_is_in_force() {
         asked(&mut pacer, now);
     }
     pacer.restart(&[OffsetNm(1_000)]);
-    assert_eq!(asked(&mut pacer, 101), Some(1_000), "no target waits");
+    assert_eq!(
+        asked(&mut pacer, 101),
+        Some(2_450),
+        "a twentieth of the way"
+    );
     pacer.restart(&[OffsetNm(3_000_000)]);
-    assert_eq!(asked(&mut pacer, 102), Some(0), "no server has that");
+    assert_eq!(
+        asked(&mut pacer, 102),
+        Some(1_578),
+        "from zero: no server has that"
+    );
 }
 
 #[test]

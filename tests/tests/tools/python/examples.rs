@@ -2,10 +2,14 @@
 
 use std::path::Path;
 use std::process::{Child, Command};
+use std::time::Duration;
 
+use gantry_tau_client::pace::PaceOptions;
 use gantry_tau_core::control::message::Cause;
 use gantry_tau_core::model::robot::ARMS;
 use gantry_tau_server::record::TickRecord;
+use gantry_tau_server::server::TickSource;
+use gantry_tau_tests::pacing::Pacing;
 
 use super::{folder, python};
 use crate::firmware::program;
@@ -20,6 +24,7 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
         "force_control_settles_after_a_set_point_out_of_reach",
         force_control,
     ),
+    ("slow_program_moves_the_first_axis", slow_program),
 ];
 
 /// An example with the address of the server.
@@ -105,6 +110,32 @@ fn constant_offset() {
         .map(|axis| axis.offsets.position.0);
     assert_eq!(held, [12_500, -7_000, 0]);
     session.quit();
+}
+
+fn slow_program() {
+    let pacing = Pacing::new(TickSource::RealTime);
+    // A program that gets no processor for seconds is not late.
+    let options = PaceOptions {
+        latency: Duration::from_secs(3),
+        period: Duration::from_millis(10),
+        ..pacing.options()
+    };
+    let report = pacing.with(&options, |port| {
+        let mut program = python();
+        program
+            .arg(folder().join("examples/slow_program.py"))
+            .args(["--port", &port.port().to_string(), "--seconds", "5"]);
+        let output = program.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{output:?}");
+        assert!(said.contains(", submit: offset 0.0 um, force ["), "{said}");
+        let last = said.lines().last().unwrap();
+        assert!(
+            last.contains(", obtain: offset ") && !last.contains("offset 0.0 "),
+            "{said}"
+        );
+    });
+    assert_eq!((report.programs, report.refused), (1, 0));
 }
 
 fn submit_only() {

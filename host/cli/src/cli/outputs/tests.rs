@@ -19,10 +19,11 @@ const FOLDERS: [(&str, &str); 4] = [
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 30] = [
+const COMMANDS: [(&str, &[&str]); 31] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
+    ("pace", &["--robot", "IN"]),
     ("key new", &["new"]),
     ("key show-id", &["IN"]),
     ("key export", &["IN", "--c"]),

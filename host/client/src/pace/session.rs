@@ -1,0 +1,230 @@
+//! A program's session with the server.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use gantry_tau_core::control::axis::Offsets;
+use gantry_tau_core::control::client::{Event, Requirements};
+use gantry_tau_core::control::message::{AxisFlags, Capabilities, Mode, Phase, State, Welcome};
+use gantry_tau_core::control::pacer::{Paced, Pacer, Settings, Target};
+use gantry_tau_core::units::{OffsetNm, Tick};
+
+use super::line::{self, Row};
+use super::program::{Program, Programs};
+use super::{Left, PaceOptions, PaceReport};
+use crate::ClientError;
+use crate::connection::Connection;
+use crate::run::{PATIENCE, ended};
+
+/// How far in the future a target may be.
+const HORIZON: Duration = Duration::from_secs(10);
+/// States after a new beginning that tell nothing of it: commands were under way.
+const UNDER_WAY: u64 = 3;
+
+/// Session of a program.
+pub(super) struct Session<'a, const N: usize> {
+    link: Connection<'a, N>,
+    welcome: Welcome<N>,
+    program: &'a mut Program,
+    quit: &'a AtomicBool,
+    settings: Settings,
+    cycle_s: f64,
+    /// Ticks between two lines to the program.
+    row_ticks: u64,
+    /// Mode that the program wants, and the one that was asked for last.
+    wanted: Mode,
+    asked: Mode,
+    /// Absent until the first target, so that a program may listen first.
+    pacer: Option<Pacer<N>>,
+    /// Tick of the last State.
+    now: Tick,
+    /// First tick whose limits count.
+    judged_from: u64,
+    late: u64,
+}
+
+impl<'a, const N: usize> Session<'a, N> {
+    /// Opens a session with the server.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub(super) fn open(
+        options: &PaceOptions,
+        program: &'a mut Program,
+        quit: &'a AtomicBool,
+    ) -> Result<Self, ClientError> {
+        let requirements = Requirements {
+            capabilities: Capabilities::LOCKSTEP,
+            kinematics_checksum: Some(options.kinematics_checksum),
+            ..Requirements::default()
+        };
+        let (transport, server) = (options.transport, options.server.clone());
+        let mut link = Connection::open_unless(quit, transport, server, PATIENCE, requirements)?
+            .with_key(options.key.clone())?;
+        let welcome = link.greet()?;
+        if let Err(denied) = gantry_tau_server::realtime::raise_priority() {
+            tracing::warn!("pacer: no {}: {}", denied.privilege, denied.reason);
+        }
+        let cycle_s = f64::from(welcome.cycle_us) * 1e-6;
+        let ticks = |time: Duration| (time.as_secs_f64() / cycle_s).round() as u32;
+        Ok(Self {
+            link,
+            welcome,
+            program,
+            quit,
+            settings: Settings {
+                latency_ticks: ticks(options.latency),
+                hold_ticks: ticks(options.hold),
+                give_up_ticks: ticks(options.give_up),
+                horizon_ticks: ticks(HORIZON),
+            },
+            cycle_s,
+            row_ticks: u64::from(ticks(options.period)).max(1),
+            wanted: Mode::Submit,
+            asked: Mode::Submit,
+            pacer: None,
+            now: welcome.tick,
+            judged_from: 0,
+            late: 0,
+        })
+    }
+
+    /// Answers every State, until the program leaves or is silent for too long.
+    ///
+    /// # Errors
+    /// [`ClientError`]: the server's ends.
+    pub(super) fn hold(
+        mut self,
+        programs: &mut Programs,
+        report: &mut PaceReport,
+    ) -> Result<Left, ClientError> {
+        loop {
+            let state = match self.link.next_event() {
+                Ok(Event::State(state)) => state,
+                Ok(Event::Ended(state)) => return Err(ended(&state)),
+                Ok(_) => continue,
+                Err(ClientError::Quit) => return self.leave(Left::Quit),
+                Err(error) => return Err(error),
+            };
+            if self.quit.load(Ordering::Relaxed) {
+                return self.leave(Left::Quit);
+            }
+            if self.link.has_unread_bytes() {
+                // A newer State is waiting: an answer to this one would be late.
+                continue;
+            }
+            self.now = state.tick;
+            self.hear(report)?;
+            self.keep_up(&state);
+            let Some(targets) = self.targets(state.phase) else {
+                return self.leave(Left::Silent);
+            };
+            self.link.answer(self.wanted, &targets)?;
+            // Behind the answer there is the rest of the cycle.
+            if state.tick.0 % self.row_ticks == 0 {
+                let row = Row::of(&state, self.cycle_s, self.late);
+                self.program.send(&row);
+            }
+            self.program.flush();
+            programs.send_away();
+            if self.program.has_ended() {
+                return self.leave(Left::Gone);
+            }
+        }
+    }
+
+    fn leave(mut self, left: Left) -> Result<Left, ClientError> {
+        self.link.leave()?;
+        Ok(left)
+    }
+
+    /// Takes what the program has sent.
+    fn hear(&mut self, report: &mut PaceReport) -> Result<(), ClientError> {
+        let mut lines = Vec::new();
+        let (cycle_s, limits) = (self.cycle_s, &self.welcome.limits);
+        self.program.lines(|line| {
+            lines.push(match line {
+                Ok(line) => line::read(line, cycle_s, limits),
+                Err(error) => Err(error.to_owned()),
+            });
+        });
+        for line in lines {
+            let taken = match line {
+                Ok((mode, target)) => self.take(mode, target)?,
+                Err(error) => Err(error),
+            };
+            match taken {
+                Ok(()) => report.targets = report.targets.saturating_add(1),
+                Err(error) => {
+                    report.refused = report.refused.saturating_add(1);
+                    self.program.refuse(&error);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a target, or says why not.
+    fn take(&mut self, mode: Mode, target: Target<N>) -> Result<Result<(), String>, ClientError> {
+        let pacer = match &mut self.pacer {
+            Some(pacer) => pacer,
+            none => {
+                let limits = self.welcome.limits.map(|axis| axis.position);
+                let pacer = Pacer::new(limits, self.settings, self.now)
+                    .map_err(|error| ClientError::Setup(error.to_string()))?;
+                none.insert(pacer)
+            }
+        };
+        self.wanted = mode;
+        Ok(pacer.push(target).map_err(|error| {
+            if matches!(
+                error,
+                gantry_tau_core::control::pacer::TargetError::Late { .. }
+            ) {
+                self.late = self.late.saturating_add(1);
+            }
+            format!("t: {error}")
+        }))
+    }
+
+    /// Begins again from what is in force, if the server is not where the pacer believes.
+    fn keep_up(&mut self, state: &State<N>) {
+        let Some(pacer) = &mut self.pacer else { return };
+        let is_limited =
+            (state.axes.iter()).any(|axis| axis.flags.contains(AxisFlags::POSITION_LIMITED));
+        if !is_limited || state.tick.0 < self.judged_from {
+            return;
+        }
+        self.judged_from = state.tick.0.saturating_add(UNDER_WAY);
+        pacer.restart(&state.axes.map(|axis| match state.phase {
+            Phase::Submit => axis.shadow.position,
+            _ => axis.offsets.position,
+        }));
+    }
+
+    /// Targets of the next command; `None` if the program is given up.
+    fn targets(&mut self, phase: Phase) -> Option<[Offsets; N]> {
+        let Some(pacer) = &mut self.pacer else {
+            return Some([Offsets::ZERO; N]);
+        };
+        let zero = [OffsetNm(0); N];
+        // No channel follows the first command, nor those that lead from Obtain back to Submit.
+        let follows = !matches!(
+            (phase, self.wanted),
+            (Phase::Handshake, _) | (Phase::Obtain, Mode::Submit)
+        );
+        // Submit and Obtain begin at zero.
+        if self.asked != self.wanted {
+            pacer.restart(&zero);
+        }
+        self.asked = self.wanted;
+        let Paced::Targets(targets) = pacer.tick(self.now) else {
+            return None;
+        };
+        if follows {
+            return Some(targets.map(Offsets::position));
+        }
+        pacer.restart(&zero);
+        Some([Offsets::ZERO; N])
+    }
+}
