@@ -79,9 +79,11 @@ struct Jittery {
 
 impl Jittery {
     fn wanted(at: u64) -> [OffsetNm; N] {
-        // 0.3 Hz: 300 µm and up to 0.6 µm per tick.
-        let phase = at as f64 * 1e-3 * 0.3 * std::f64::consts::TAU;
-        [0.0, 1.0, 2.0].map(|axis: f64| OffsetNm((3e5 * (phase + axis).sin()) as i32))
+        // To and fro by 300 µm, with 0.4 µm per tick.
+        [0, 500, 1_000].map(|later| {
+            let place = i32::try_from((at + later) % 3_000).unwrap();
+            OffsetNm(400 * ((place - 1_500).abs() - 750))
+        })
     }
 
     /// Lines that come in this tick.
@@ -170,11 +172,15 @@ impl Program {
     }
 
     fn row(&mut self) -> Value {
+        let mut error = Value::Null;
         loop {
-            let line = self.line().expect("a row");
+            let Some(line) = self.line() else {
+                panic!("no row, but {error}")
+            };
             if line["error"].is_null() {
                 return line;
             }
+            error = line["error"].clone();
         }
     }
 
@@ -289,7 +295,10 @@ fn a_line_that_cannot_be_used_costs_an_error_line_and_nothing_else() {
         program.reach("obtain", um, |row| row["offset_um"] == json!(um));
     });
     assert_eq!(report.programs, 1);
-    assert!(report.refused >= cases.len() as u64, "{report:?}");
+    assert!(
+        report.refused >= u64::try_from(cases.len()).unwrap(),
+        "{report:?}"
+    );
 }
 
 #[test]

@@ -37,24 +37,28 @@ fn asked(pacer: &mut Pacer<1>, now: u64) -> Option<i32> {
 
 #[test]
 fn targets_are_played_on_straight_lines_after_the_latency() {
-    let wanted = |tick: u64| 500.0 * (tick as f64 / 300.0).sin() * 1_000.0;
+    let wanted = |tick: u64| {
+        let place = i32::try_from(tick).unwrap() - 1_500;
+        500_000 - place * place / 5
+    };
     let mut pacer = pacer();
     for now in 1..=3_000_u64 {
         // 30 Hz, each sent as it is wanted.
         if now % 33 == 0 {
-            pacer.push(target(now, wanted(now).round() as i32)).unwrap();
+            pacer.push(target(now, wanted(now))).unwrap();
         }
-        let asked = f64::from(asked(&mut pacer, now).unwrap());
-        if now < 99 {
+        let asked = asked(&mut pacer, now).unwrap();
+        // Until then it is on its way to the first one.
+        if now < 300 {
             continue;
         }
         let played = now - 60;
-        let before = played / 33 * 33;
-        let share = (played - before) as f64 / 33.0;
-        let from = if before == 0 { 0.0 } else { wanted(before) };
-        let line = from + (wanted(before + 33) - from) * share;
-        // Two roundings of a nanometre.
-        assert!((asked - line).abs() <= 2.0, "{now}: {asked} for {line}");
+        let rest = i32::try_from(played % 33).unwrap();
+        let from = wanted(played - played % 33);
+        let to = wanted(played - played % 33 + 33);
+        // To a nanometre.
+        let off = (asked - from) * 33 - (to - from) * rest;
+        assert!(off.abs() <= 33, "{now}: {asked} from {from} to {to}");
     }
 }
 
@@ -63,7 +67,9 @@ fn the_order_in_which_targets_come_does_not_matter() {
     let play = |order: [u64; 4]| {
         let mut pacer = pacer();
         for at in order {
-            pacer.push(target(at, at as i32 * 10)).unwrap();
+            pacer
+                .push(target(at, i32::try_from(at).unwrap() * 10))
+                .unwrap();
         }
         (1..=200)
             .map(|now| asked(&mut pacer, now).unwrap())
@@ -104,7 +110,7 @@ fn what_cannot_be_played_is_refused() {
         Err(TargetError::Far { ticks: 3 })
     );
     assert_eq!(pacer.silent_ticks(), 100, "none of them was heard");
-    for at in 0..MAX_WAITING as u64 {
+    for at in 0..u64::try_from(MAX_WAITING).unwrap() {
         pacer.push(target(200 + at, 0)).unwrap();
     }
     assert_eq!(pacer.push(target(150, 0)), Err(TargetError::Full));
@@ -151,7 +157,7 @@ fn a_server_with_the_same_limits_limits_nothing() {
     let far = [2_000_000, -2_000_000, i32::MAX, i32::MIN, 0];
     for now in 1..=5_000 {
         if now % 7 == 0 {
-            let nm = far[now as usize % far.len()];
+            let nm = far[usize::try_from(now).unwrap() % far.len()];
             let _ = pacer.push(target(now - now % 3, nm));
         }
         let wanted = OffsetNm(asked(&mut pacer, now).unwrap());

@@ -52,11 +52,11 @@ pub(super) fn read<const N: usize>(
     let axes = offsets.iter().zip(limits).zip(&mut target.offsets);
     for (axis, ((um, limits), offset)) in (1..).zip(axes) {
         let nm = (um * 1e3).round();
-        let max = limits.position.max();
-        if !(nm.abs() <= f64::from(max)) {
+        let max = f64::from(limits.position.max());
+        if !(-max..=max).contains(&nm) {
             return Err(format!(
                 "offset_um: {um} of axis {axis} is not within ±{}",
-                f64::from(max) / 1e3
+                max / 1e3
             ));
         }
         *offset = OffsetNm(nm as i32);

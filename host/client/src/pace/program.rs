@@ -4,7 +4,7 @@
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use gantry_tau_server::links::Allowed;
 use serde::Serialize;
@@ -17,7 +17,7 @@ const LONGEST: usize = 4_096;
 const BYTES_PER_TICK: usize = 8_192;
 /// Bytes that wait for a program that does not read; more are lost, by whole lines.
 const WAITING: usize = 65_536;
-/// Time for the last lines.
+/// Time for the last lines, and in which a program may be found to have left.
 const FAREWELL: Duration = Duration::from_millis(100);
 
 /// Port for programs.
@@ -25,6 +25,8 @@ const FAREWELL: Duration = Duration::from_millis(100);
 pub struct Programs {
     listener: TcpListener,
     allowed: Allowed,
+    /// One that came while another was served, and when.
+    next: Option<(Program, Instant)>,
 }
 
 impl Programs {
@@ -35,7 +37,11 @@ impl Programs {
     pub fn bind(address: SocketAddr, allowed: Allowed) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self { listener, allowed })
+        Ok(Self {
+            listener,
+            allowed,
+            next: None,
+        })
     }
 
     /// Returns the address on which it listens.
@@ -46,8 +52,16 @@ impl Programs {
         self.listener.local_addr()
     }
 
-    /// Returns the next program, if one has connected. Others than the allowed are closed.
+    /// Returns the next program, if one has connected.
     pub(super) fn accept(&mut self) -> Option<Program> {
+        self.next
+            .take()
+            .map(|(program, _)| program)
+            .or_else(|| self.newcomer())
+    }
+
+    /// Accepts a connection. Others than the allowed are closed.
+    fn newcomer(&self) -> Option<Program> {
         let (stream, peer) = self.listener.accept().ok()?;
         let admitted = self.allowed.admits(peer.ip());
         let usable = stream.set_nonblocking(true).and(stream.set_nodelay(true));
@@ -61,9 +75,17 @@ impl Programs {
         })
     }
 
-    /// Sends those away that come while another program is served.
+    /// Sends those away that come while another program is served; after a while, for the other may
+    /// have left, and nobody has seen it yet.
     pub(super) fn send_away(&mut self) {
-        if let Some(mut program) = self.accept() {
+        let Some((_, since)) = &self.next else {
+            self.next = self.newcomer().map(|program| (program, Instant::now()));
+            return;
+        };
+        if since.elapsed() < FAREWELL {
+            return;
+        }
+        if let Some((mut program, _)) = self.next.take() {
             program.refuse(&"another program is served");
             program.close();
         }

@@ -5,9 +5,12 @@ use std::time::Duration;
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Event, Requirements};
-use gantry_tau_core::control::message::{AxisFlags, Capabilities, Mode, Phase, State, Welcome};
+use gantry_tau_core::control::message::{
+    AxisFlags, Capabilities, Mode, Phase, Refusal, State, Welcome,
+};
 use gantry_tau_core::control::pacer::{Paced, Pacer, Settings, Target};
 use gantry_tau_core::units::{OffsetNm, Tick};
+use gantry_tau_system::dial::LOOK;
 
 use super::line::{self, Row};
 use super::program::{Program, Programs};
@@ -58,10 +61,20 @@ impl<'a, const N: usize> Session<'a, N> {
             kinematics_checksum: Some(options.kinematics_checksum),
             ..Requirements::default()
         };
-        let (transport, server) = (options.transport, options.server.clone());
-        let mut link = Connection::open_unless(quit, transport, server, PATIENCE, requirements)?
-            .with_key(options.key.clone())?;
-        let welcome = link.greet()?;
+        let open = || {
+            let (transport, server) = (options.transport, options.server.clone());
+            let mut link =
+                Connection::open_unless(quit, transport, server, PATIENCE, requirements)?
+                    .with_key(options.key.clone())?;
+            Ok((link.greet()?, link))
+        };
+        let (welcome, link) = loop {
+            match open() {
+                // The offsets of the program before: nobody gets in before they are zero.
+                Err(ClientError::Refused(Refusal::Ramping { .. })) => std::thread::sleep(LOOK),
+                opened => break opened?,
+            }
+        };
         if let Err(denied) = gantry_tau_server::realtime::raise_priority() {
             tracing::warn!("pacer: no {}: {}", denied.privilege, denied.reason);
         }

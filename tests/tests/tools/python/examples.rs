@@ -114,9 +114,9 @@ fn constant_offset() {
 
 fn slow_program() {
     let pacing = Pacing::new(TickSource::RealTime);
-    // A program that gets no processor for seconds is not late.
+    // A program that gets no processor for most of a second is not late.
     let options = PaceOptions {
-        latency: Duration::from_secs(3),
+        latency: Duration::from_millis(900),
         period: Duration::from_millis(10),
         ..pacing.options()
     };
