@@ -267,6 +267,7 @@ pages! {
     python: "host/python/README.md";
     readme: "README.md";
     robot_file: "docs/robot-file.md";
+    slow_programs: "docs/slow-programs.md";
     tutorial: "docs/tutorial.md";
 }
 
@@ -381,6 +382,11 @@ const ELSEWHERE: &[[&str; 3]] = &[
         "tests/firmware/README.md",
         "tests/firmware/build.sh check",
         "a cross compiler and QEMU: `tests/tests/tools/firmware`",
+    ],
+    [
+        "proofs/composition.md",
+        "apt-get install --no-install-recommends coq",
+        "installs Coq: `.ci/run`, and the trial `composition::is_checked_by_coq`; the full tier nowhere",
     ],
 ];
 
