@@ -12,7 +12,7 @@
 //! played            x---------x------'            latency_ticks later
 //! ```
 //!
-//! For whatever targets and times (T32):
+//! For any targets and times (T32):
 //!
 //! - what is asked for is what a channel with the server's limits reaches in that tick: a server
 //!   that has taken all before limits nothing;
@@ -104,7 +104,7 @@ impl Settings {
     }
 }
 
-/// What a tick asks for.
+/// Request of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Paced<const N: usize> {
@@ -114,7 +114,7 @@ pub enum Paced<const N: usize> {
     GiveUp,
 }
 
-/// Axis of a pacer: the server's limits, and what its channel is at if it has taken all.
+/// Axis of a pacer: the server's limits, and the channel of a server that has taken all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PacedAxis {

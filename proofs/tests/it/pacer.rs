@@ -14,7 +14,7 @@ use crate::any;
 
 const N: usize = 2;
 
-/// What happens next.
+/// Next event of a sequence.
 #[derive(Clone, Debug)]
 enum Next {
     /// A target, at a time after the last tick; or before it.

@@ -27,7 +27,7 @@ fn target(at: u64, nm: i32) -> Target<1> {
     }
 }
 
-/// What the pacer asks for; `None` once it has given up.
+/// Offset that the pacer asks for; `None` once it has given up.
 fn asked(pacer: &mut Pacer<1>, now: u64) -> Option<i32> {
     match pacer.tick(Tick(now)) {
         Paced::Targets([offset]) => Some(offset.0),

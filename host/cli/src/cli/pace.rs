@@ -48,8 +48,9 @@ pub(crate) struct Pace {
     /// Address on which programs connect
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7010", value_parser = address)]
     listen: SocketAddr,
-    /// Networks whose programs are served; without it those of this computer
-    #[arg(long, value_name = "ADDRESS|NETWORK")]
+    /// Serve programs of this peer or network only (repeatable); needed for an address that is not of
+    /// this machine alone
+    #[arg(long, value_name = "IP|IP/BITS")]
     allow: Vec<String>,
     /// Lines to the program, per second
     #[arg(long, value_name = "HZ", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000))]

@@ -3,6 +3,7 @@
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Read, Write};
+use std::mem;
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
@@ -13,11 +14,11 @@ use super::line::Refused;
 
 /// Longest line of a program, bytes.
 const LONGEST: usize = 4_096;
-/// Bytes that are read in a tick: a program that sends more is heard later.
-const BYTES_PER_TICK: usize = 8_192;
+/// Lines that are taken in a tick: a program that sends more is heard later, and costs no deadline.
+const LINES_PER_TICK: usize = 16;
 /// Bytes that wait for a program that does not read; more are lost, by whole lines.
 const WAITING: usize = 65_536;
-/// Time for the last lines, and in which a program may be found to have left.
+/// Time in which a program may be found to have left.
 const FAREWELL: Duration = Duration::from_millis(100);
 
 /// Port for programs.
@@ -68,7 +69,7 @@ impl Programs {
         (admitted && usable.is_ok()).then(|| Program {
             stream,
             peer,
-            read: Vec::with_capacity(LONGEST),
+            received: Vec::new(),
             skips: false,
             has_ended: false,
             unwritten: Vec::with_capacity(WAITING),
@@ -76,7 +77,7 @@ impl Programs {
     }
 
     /// Sends those away that come while another program is served; after a while, for the other may
-    /// have left, and nobody has seen it yet.
+    /// have left unseen.
     pub(super) fn send_away(&mut self) {
         let Some((_, since)) = &self.next else {
             self.next = self.newcomer().map(|program| (program, Instant::now()));
@@ -97,8 +98,8 @@ impl Programs {
 pub(super) struct Program {
     stream: TcpStream,
     peer: SocketAddr,
-    /// Beginning of a line.
-    read: Vec<u8>,
+    /// Lines that were not taken yet.
+    received: Vec<u8>,
     /// The rest of a line that was too long is skipped.
     skips: bool,
     has_ended: bool,
@@ -115,40 +116,45 @@ impl Program {
         self.has_ended
     }
 
-    /// Reads what has come, and hands on every line; an error for one that is too long.
-    pub(super) fn lines(&mut self, mut take: impl FnMut(Result<&[u8], &str>)) {
-        let mut bytes = [0; BYTES_PER_TICK];
-        let read = match self.stream.read(&mut bytes) {
-            Ok(0) => {
-                self.has_ended = true;
-                return;
-            }
-            Ok(read) => read,
-            Err(error) if is_later(&error) => return,
-            Err(_) => {
-                self.has_ended = true;
-                return;
-            }
-        };
-        for byte in bytes.iter().take(read) {
-            if *byte != b'\n' {
-                if self.read.len() < LONGEST {
-                    self.read.push(*byte);
-                } else if !self.skips {
-                    self.skips = true;
-                    take(Err("a line of more than 4096 bytes"));
+    /// Reads what has come, and hands on some lines; an error for one that is too long.
+    pub(super) fn lines(&mut self, mut take: impl FnMut(Result<&[u8], String>)) {
+        self.receive();
+        for _ in 0..LINES_PER_TICK {
+            let Some(end) = self.received.iter().position(|byte| *byte == b'\n') else {
+                if self.received.len() > LONGEST {
+                    self.received.clear();
+                    if !mem::replace(&mut self.skips, true) {
+                        take(Err(too_long()));
+                    }
                 }
+                return;
+            };
+            let line: Vec<u8> = self.received.drain(..=end).collect();
+            if mem::take(&mut self.skips) {
                 continue;
             }
-            if !self.skips && !self.read.trim_ascii().is_empty() {
-                take(Ok(&self.read));
+            match line.trim_ascii() {
+                [] => {}
+                line if line.len() > LONGEST => take(Err(too_long())),
+                line => take(Ok(line)),
             }
-            self.skips = false;
-            self.read.clear();
         }
     }
 
-    /// Sends a line, or loses it if the program does not read.
+    /// Reads once, unless a line or more wait already.
+    fn receive(&mut self) {
+        if self.received.len() > LONGEST {
+            return;
+        }
+        let mut bytes = [0; LONGEST];
+        match self.stream.read(&mut bytes) {
+            Err(error) if is_later(&error) => {}
+            Ok(0) | Err(_) => self.has_ended = true,
+            Ok(read) => self.received.extend(bytes.iter().take(read)),
+        }
+    }
+
+    /// Queues a line for [`Self::flush`], or loses it if the program does not read.
     pub(super) fn send(&mut self, line: &impl Serialize) {
         let Ok(text) = serde_json::to_vec(line) else {
             return;
@@ -157,7 +163,6 @@ impl Program {
             self.unwritten.extend_from_slice(&text);
             self.unwritten.push(b'\n');
         }
-        self.flush();
     }
 
     /// Says why a line, or the program, is not served.
@@ -182,17 +187,76 @@ impl Program {
         }
     }
 
-    /// Closes the connection behind the last line, which the program may still read.
+    /// Closes the connection behind the last line, which the program may still read. Never blocks.
     pub(super) fn close(mut self) {
-        let blocking = self.stream.set_nonblocking(false);
-        let patient = self.stream.set_write_timeout(Some(FAREWELL));
-        if blocking.and(patient).is_ok() {
-            let _ = self.stream.write_all(&self.unwritten);
-        }
+        self.flush();
+        // With unread bytes the system would reset the connection, and lose that line.
+        self.receive();
         let _ = self.stream.shutdown(Shutdown::Write);
     }
 }
 
+fn too_long() -> String {
+    format!("a line of more than {LONGEST} bytes")
+}
+
 fn is_later(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A program, and its connection as it is served.
+    fn connected() -> (TcpStream, Program) {
+        let mut port = Programs::bind("127.0.0.1:0".parse().unwrap(), Allowed::all()).unwrap();
+        let stream = TcpStream::connect(port.address().unwrap()).unwrap();
+        let program = loop {
+            if let Some(program) = port.accept() {
+                break program;
+            }
+        };
+        (stream, program)
+    }
+
+    /// Lines of the next ticks, until there are so many, and the most of one tick.
+    fn heard(program: &mut Program, count: usize) -> (Vec<Result<String, String>>, usize) {
+        let (mut all, mut most) = (Vec::new(), 0);
+        while all.len() < count {
+            let before = all.len();
+            program.lines(|line| {
+                all.push(line.map(|line| String::from_utf8_lossy(line).into_owned()));
+            });
+            most = most.max(all.len() - before);
+        }
+        (all, most)
+    }
+
+    #[test]
+    fn a_flood_is_heard_some_lines_at_a_time_and_in_order() {
+        let (mut stream, mut program) = connected();
+        let text: String = (0..500).map(|number| format!("{number}\n")).collect();
+        stream.write_all(text.as_bytes()).unwrap();
+        let (lines, most) = heard(&mut program, 500);
+        let numbers: Vec<_> = (0..500).map(|number| Ok(number.to_string())).collect();
+        assert_eq!(lines, numbers);
+        assert!(most <= LINES_PER_TICK, "{most}");
+    }
+
+    #[test]
+    fn a_line_that_is_too_long_is_one_error() {
+        let (mut stream, mut program) = connected();
+        let mut send = |text: &str| stream.write_all(text.as_bytes()).unwrap();
+        send(&"x".repeat(LONGEST + 1));
+        send("\n");
+        send(&"x".repeat(10 * LONGEST));
+        send("\nhalf");
+        send(" a line \n\n\nnext\n");
+        let (lines, _) = heard(&mut program, 4);
+        let error = Err(too_long());
+        let [half, next] = ["half a line", "next"].map(|line| Ok(line.to_owned()));
+        assert_eq!(lines, [error.clone(), error, half, next]);
+        assert!(!program.has_ended());
+    }
 }

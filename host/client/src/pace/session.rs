@@ -8,7 +8,7 @@ use gantry_tau_core::control::client::{Event, Requirements};
 use gantry_tau_core::control::message::{
     AxisFlags, Capabilities, Mode, Phase, Refusal, State, Welcome,
 };
-use gantry_tau_core::control::pacer::{Paced, Pacer, Settings, Target};
+use gantry_tau_core::control::pacer::{Paced, Pacer, Settings, Target, TargetError};
 use gantry_tau_core::units::{OffsetNm, Tick};
 use gantry_tau_system::dial::LOOK;
 
@@ -19,7 +19,7 @@ use crate::ClientError;
 use crate::connection::Connection;
 use crate::run::{PATIENCE, ended};
 
-/// How far in the future a target may be.
+/// Longest time between now and that of a target.
 const HORIZON: Duration = Duration::from_secs(10);
 /// States after a new beginning that tell nothing of it: commands were under way.
 const UNDER_WAY: u64 = 3;
@@ -70,7 +70,7 @@ impl<'a, const N: usize> Session<'a, N> {
         };
         let (welcome, link) = loop {
             match open() {
-                // The offsets of the program before: nobody gets in before they are zero.
+                // The offsets of the program before are not zero yet.
                 Err(ClientError::Refused(Refusal::Ramping { .. })) => std::thread::sleep(LOOK),
                 opened => break opened?,
             }
@@ -158,7 +158,7 @@ impl<'a, const N: usize> Session<'a, N> {
         self.program.lines(|line| {
             lines.push(match line {
                 Ok(line) => line::read(line, cycle_s, limits),
-                Err(error) => Err(error.to_owned()),
+                Err(error) => Err(error),
             });
         });
         for line in lines {
@@ -190,10 +190,7 @@ impl<'a, const N: usize> Session<'a, N> {
         };
         self.wanted = mode;
         Ok(pacer.push(target).map_err(|error| {
-            if matches!(
-                error,
-                gantry_tau_core::control::pacer::TargetError::Late { .. }
-            ) {
+            if matches!(error, TargetError::Late { .. }) {
                 self.late = self.late.saturating_add(1);
             }
             format!("t: {error}")
