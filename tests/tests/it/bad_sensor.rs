@@ -73,10 +73,16 @@ fn session(lie: Lie, quit_at: u64) -> (Result<ClientReport, ClientError>, bool, 
     assert_eq!(last.ended, Some(Cause::Goodbye), "it leaves in good order");
     if let Ok(report) = &result {
         // Every State has its Command, but the last one, and that of the Goodbye, which may also
-        // follow a Command at once.
+        // follow a Command at once; and those that the server sent while it waited for one: a
+        // client that the machine is slow to run is not what is judged here.
         let commands = controls.commands.load(Ordering::Relaxed);
+        let handshake = rows
+            .iter()
+            .filter(|row| row.state.phase == Phase::Handshake);
+        let waiting =
+            u64::try_from(handshake.count()).unwrap() - 1 + u64::from(last.state.counters.missed);
         assert!(
-            (1..=2).contains(&(report.states - commands)),
+            (1..=2 + waiting).contains(&(report.states - commands)),
             "{commands} {report:?}"
         );
     }
