@@ -26,4 +26,5 @@ pub mod pacer;
 pub mod position_loop;
 pub mod session;
 pub mod six_link;
+pub mod tick;
 pub mod wire;

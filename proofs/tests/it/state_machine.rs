@@ -12,7 +12,7 @@ use gantry_tau_proofs::properties::axis::Kind;
 use gantry_tau_proofs::properties::drive::{self, Before};
 use gantry_tau_proofs::properties::session::StepInput;
 use gantry_tau_proofs::properties::{
-    agitation, axis, blackbox, channel, fsm, ingress, motors, session,
+    agitation, axis, blackbox, channel, fsm, ingress, motors, session, tick,
 };
 use proptest::prelude::*;
 
@@ -91,6 +91,7 @@ proptest! {
     ) {
         let events = Events::from_slice(&events).unwrap();
         let input = Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events };
+        tick::classifies_one_by_one(&session, &input.events, &input.epochs);
         session::tick_is_its_parts(&session, &input);
         let input = StepInput::after_events(&session, &input);
         session::step_is_right(&input);
