@@ -10,6 +10,7 @@
 //! | [`client_cases`] | what a client makes of the frames that answer its Hello, for both clients |
 //! | [`session_fixture`] | both together: one session, tick by tick |
 //! | [`pacing`] | a server, and the port for programs that are slower |
+//! | [`simulator`] | the other side of a machine in another process |
 //! | [`short_demo`] | the demo with two force steps, on any machine |
 //! | [`fuzzed`] | what each target of `../fuzz` does with its bytes; the same bytes are replayed by `cargo test` |
 //! | [`labcomm`] | streams decoded twice: by the crate, and by a decoder written from the format's page alone |
@@ -36,6 +37,7 @@ pub mod pacing;
 pub mod server_fixture;
 pub mod session_fixture;
 pub mod short_demo;
+pub mod simulator;
 pub mod soak;
 
 use std::time::{Duration, Instant};

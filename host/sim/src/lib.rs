@@ -16,6 +16,7 @@
 //! | [`workpiece`] | an elastic workpiece that the tool presses on |
 //! | [`force_sensor`] | six-axis force sensor `[T 4.2.5]` |
 //! | [`parameters`] | parameters of a simulation, and their errors |
+//! | [`remote`] | a machine in another process: any simulator |
 //! | [`machine`] | all of it behind [`gantry_tau_server::plant::Plant`], with length gauges at the tool `[T 4.2.6]` |
 //!
 //! Everything is deterministic: equal parameters and equal calls give bit-equal readings.
@@ -77,6 +78,7 @@ pub mod load_profile;
 pub mod machine;
 pub mod moving_platform;
 pub mod parameters;
+pub mod remote;
 pub mod springs;
 pub mod workpiece;
 

@@ -39,6 +39,7 @@ mod places;
 mod planner;
 mod quit;
 mod settling;
+mod simulators;
 mod six_axes;
 mod soak;
 mod solve_vectors;

@@ -9,6 +9,7 @@ use gantry_tau_client::pace::PaceOptions;
 use gantry_tau_core::Offsets;
 use gantry_tau_core::control::client::{Client, Event, Requirements};
 use gantry_tau_core::control::endpoint::{Endpoint, Transport};
+use gantry_tau_core::control::keys::{Key, Role};
 use gantry_tau_core::control::message::{Mode, Phase, State};
 use gantry_tau_core::control::pacer::{Paced, Pacer, Settings, Target};
 use gantry_tau_core::control::session::config::Config;
@@ -222,20 +223,23 @@ impl Program {
 
 #[test]
 fn a_program_moves_the_machine_and_the_next_one_begins_at_zero() {
-    let pacing = Pacing::new(TickSource::Lockstep);
-    let report = pacing.with(&pacing.options(), |address| {
-        for _ in 0..2 {
-            let mut program = Program::connect(address);
-            assert_eq!(program.row()["offset_um"], json!([0.0, 0.0, 0.0]));
-            let um = [10.0, -5.0, 0.0];
-            let row = program.reach("obtain", um, |row| row["offset_um"] == json!(um));
-            assert_eq!(row["phase"], "obtain");
-            assert_eq!(row["limited"], 0);
-            assert_eq!(row["nominal_mm"].as_array().unwrap().len(), N);
-            program.reach("submit", [0.0; N], |row| row["phase"] == "submit");
-        }
-    });
-    assert_eq!(report.programs, 2);
+    let key = Key::new(&[7; 32], Role::Control);
+    for (transport, key) in [(Transport::Stream, None), (Transport::Datagram, Some(key))] {
+        let pacing = Pacing::over(transport, key, TickSource::Lockstep);
+        let report = pacing.with(&pacing.options(), |address| {
+            for _ in 0..2 {
+                let mut program = Program::connect(address);
+                assert_eq!(program.row()["offset_um"], json!([0.0, 0.0, 0.0]));
+                let um = [10.0, -5.0, 0.0];
+                let row = program.reach("obtain", um, |row| row["offset_um"] == json!(um));
+                assert_eq!(row["phase"], "obtain");
+                assert_eq!(row["limited"], 0);
+                assert_eq!(row["nominal_mm"].as_array().unwrap().len(), N);
+                program.reach("submit", [0.0; N], |row| row["phase"] == "submit");
+            }
+        });
+        assert_eq!(report.programs, 2);
+    }
 }
 
 #[test]

@@ -1,14 +1,19 @@
-//! The machine that a server moves: simulated, or drives over EtherCAT.
+//! The machine that a server moves: simulated here or in another process, or drives over EtherCAT.
 
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::links::Allowed;
+use gantry_tau_server::record::TickRecord;
+use gantry_tau_sim::remote::RemoteMachine;
+use gantry_tau_system::dial::{Addresses, NEVER};
 
 use super::Outcome;
-use super::serve::Serve;
+use super::serve::{Serve, positions_only};
 
 /// Prefix of a bus.
 const ETHERCAT: &str = "ethercat:";
+/// Prefix of the address of a machine in another process.
+const SOCKET: &str = "socket:";
 
 /// Choice of `--plant`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,27 +24,51 @@ pub(super) enum PlantChoice {
     Emulated,
     /// Drives behind a network interface.
     Interface(String),
+    /// A machine in another process.
+    Socket(Addresses),
 }
 
 impl PlantChoice {
     /// True if nothing real moves.
     pub(super) const fn is_simulated(&self) -> bool {
-        matches!(self, Self::Simulated | Self::Emulated)
+        !matches!(self, Self::Interface(_))
     }
 }
 
 impl std::str::FromStr for PlantChoice {
-    type Err = &'static str;
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Some(address) = text.strip_prefix(SOCKET) {
+            return match address.parse() {
+                Ok(address) => Ok(Self::Socket(address)),
+                Err(error) => Err(format!("{address}: {error}")),
+            };
+        }
         match text.strip_prefix(ETHERCAT) {
             None if text == "simulated" => Ok(Self::Simulated),
             Some("emulated") => Ok(Self::Emulated),
             Some(interface) if !interface.is_empty() => Ok(Self::Interface(interface.to_owned())),
             _ => Err(
-                "expected simulated, ethercat:emulated, or ethercat: with the name of a network interface",
+                "expected simulated, socket:HOST:PORT, ethercat:emulated, or ethercat: with the name of a network interface".to_owned(),
             ),
         }
+    }
+}
+
+impl Serve {
+    /// Serves a machine in another process.
+    pub(super) fn serve_remote<K: MachineKind<N>, const N: usize, const M: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        allowed: &Allowed,
+        address: &Addresses,
+    ) -> Outcome {
+        let owned = self.own(robot, allowed)?;
+        self.serve(robot, owned, positions_only, || {
+            let machine = RemoteMachine::<N, M>::connect(address.clone(), robot, &NEVER)?;
+            Ok((machine, |_: &TickRecord<N>| {}))
+        })
     }
 }
 
@@ -66,10 +95,9 @@ impl Serve {
     ) -> Outcome {
         use crate::ethercat::{EthercatError, EthercatPlant, emulated_bus};
         use gantry_tau_machine::robot_file::Ethercat;
-        use gantry_tau_server::record::TickRecord;
         use gantry_tau_sim::load_generator::load_generator;
 
-        use super::serve::{Owned, positions_only};
+        use super::serve::Owned;
 
         if let PlantChoice::Interface(interface) = &self.plant {
             let section = robot

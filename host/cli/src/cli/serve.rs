@@ -83,14 +83,17 @@ pub(crate) struct Serve {
     /// The machine: l2 or f1 (built in), or a robot file
     #[arg(long, value_name = "l2|f1|FILE", default_value = "l2")]
     pub(super) robot: NamedInput,
-    /// The machine's drives: simulated, or over EtherCAT behind a network interface; `emulated`: a
-    /// bus without hardware
+    /// The machine's drives: simulated, a simulator behind a socket, or over EtherCAT behind a network
+    /// interface; `emulated`: a bus without hardware
+    ///
+    /// A simulator answers one line of JSON per call, and goes in lock-step: --pace lockstep. See
+    /// docs/simulators.md.
     ///
     /// EtherCAT needs the drives in the robot file, [[ethercat.drives]], and a program that was
     /// built with it. Drives in fault are enabled by `rearm`. See docs/ethercat.md.
     #[arg(
         long,
-        value_name = "simulated|ethercat:IFACE|ethercat:emulated",
+        value_name = "simulated|socket:HOST:PORT|ethercat:IFACE|ethercat:emulated",
         default_value = "simulated",
         hide_default_value = true
     )]
@@ -262,8 +265,14 @@ impl MachineCommand for Serve {
         {
             check_reach(address, &allowed)?;
         }
-        if self.plant != PlantChoice::Simulated {
-            return self.serve_bus::<K, N, M>(&robot, &allowed);
+        match &self.plant {
+            PlantChoice::Simulated => {}
+            PlantChoice::Socket(address) => {
+                return self.serve_remote::<K, N, M>(&robot, &allowed, address);
+            }
+            PlantChoice::Emulated | PlantChoice::Interface(_) => {
+                return self.serve_bus::<K, N, M>(&robot, &allowed);
+            }
         }
         if robot.masses.is_none() {
             say(NO_MASSES);
@@ -500,7 +509,7 @@ impl Serve {
     }
 
     /// Owns state and ports, in this order.
-    fn own<K: MachineKind<N>, const N: usize>(
+    pub(super) fn own<K: MachineKind<N>, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
         allowed: &Allowed,
@@ -622,8 +631,16 @@ impl Serve {
                 "--plan, --workpiece, --quasi-static and --point-samples need the simulated machine: --plant simulated",
             );
         }
-        if !self.plant.is_simulated() && (self.tap.is_some() || self.milling.is_some()) {
+        let is_remote = matches!(self.plant, PlantChoice::Socket(_));
+        let moves_tool = self.tap.is_some() || self.milling.is_some();
+        if (is_remote || !self.plant.is_simulated()) && moves_tool {
             return Err("--tap and --milling need a simulated tool: --plant simulated");
+        }
+        if is_remote && self.motion != 0.0 {
+            return Err("--motion needs drives of this program: the path is the simulator's");
+        }
+        if is_remote && self.pace != Pace::Lockstep {
+            return Err("--plant socket: goes in lock-step only: --pace lockstep");
         }
         if !(-1_000.0..=1_000.0).contains(&self.motion) {
             return Err("--motion must be from -1000 to 1000 mm");
@@ -636,6 +653,7 @@ impl Serve {
         let needs = match (&self.plant, &self.plan) {
             (PlantChoice::Simulated, None) => return Ok(()),
             (PlantChoice::Simulated, Some(_)) => "--plan needs",
+            (PlantChoice::Socket(_), _) => "a simulator behind a socket (--plant) takes",
             _ => "drives over EtherCAT (--plant) take",
         };
         match robot.position_loops {

@@ -267,6 +267,7 @@ pages! {
     python: "host/python/README.md";
     readme: "README.md";
     robot_file: "docs/robot-file.md";
+    simulators: "docs/simulators.md";
     slow_programs: "docs/slow-programs.md";
     tutorial: "docs/tutorial.md";
 }

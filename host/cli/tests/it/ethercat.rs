@@ -121,7 +121,9 @@ fn another_word_is_refused_with_the_choices() {
     for plant in ["ethercat:", "ethercat", "simulation"] {
         let said = serve(&folder, "l2", plant).failure(2);
         assert!(
-            said.contains("expected simulated, ethercat:emulated, or ethercat: with the name"),
+            said.contains(
+                "expected simulated, socket:HOST:PORT, ethercat:emulated, or ethercat: with the name"
+            ),
             "{said}"
         );
     }

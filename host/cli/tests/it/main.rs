@@ -56,6 +56,7 @@ mod replay;
 mod robot;
 #[cfg(unix)]
 mod signals;
+mod simulator;
 mod solve;
 mod stability;
 mod tool;

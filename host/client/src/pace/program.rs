@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::line::Refused;
 
 /// Longest line of a program, bytes.
-const LONGEST: usize = 4_096;
+const MAX_LINE: usize = 4_096;
 /// Lines that are taken in a tick: a program that sends more is heard later, and costs no deadline.
 const LINES_PER_TICK: usize = 16;
 /// Bytes that wait for a program that does not read; more are lost, by whole lines.
@@ -121,7 +121,7 @@ impl Program {
         self.receive();
         for _ in 0..LINES_PER_TICK {
             let Some(end) = self.received.iter().position(|byte| *byte == b'\n') else {
-                if self.received.len() > LONGEST {
+                if self.received.len() > MAX_LINE {
                     self.received.clear();
                     if !mem::replace(&mut self.skips, true) {
                         take(Err(too_long()));
@@ -135,7 +135,7 @@ impl Program {
             }
             match line.trim_ascii() {
                 [] => {}
-                line if line.len() > LONGEST => take(Err(too_long())),
+                line if line.len() > MAX_LINE => take(Err(too_long())),
                 line => take(Ok(line)),
             }
         }
@@ -143,10 +143,10 @@ impl Program {
 
     /// Reads once, unless a line or more wait already.
     fn receive(&mut self) {
-        if self.received.len() > LONGEST {
+        if self.received.len() > MAX_LINE {
             return;
         }
-        let mut bytes = [0; LONGEST];
+        let mut bytes = [0; MAX_LINE];
         match self.stream.read(&mut bytes) {
             Err(error) if is_later(&error) => {}
             Ok(0) | Err(_) => self.has_ended = true,
@@ -197,7 +197,7 @@ impl Program {
 }
 
 fn too_long() -> String {
-    format!("a line of more than {LONGEST} bytes")
+    format!("a line of more than {MAX_LINE} bytes")
 }
 
 fn is_later(error: &io::Error) -> bool {
@@ -248,9 +248,9 @@ mod tests {
     fn a_line_that_is_too_long_is_one_error() {
         let (mut stream, mut program) = connected();
         let mut send = |text: &str| stream.write_all(text.as_bytes()).unwrap();
-        send(&"x".repeat(LONGEST + 1));
+        send(&"x".repeat(MAX_LINE + 1));
         send("\n");
-        send(&"x".repeat(10 * LONGEST));
+        send(&"x".repeat(10 * MAX_LINE));
         send("\nhalf");
         send(" a line \n\n\nnext\n");
         let (lines, _) = heard(&mut program, 4);

@@ -367,6 +367,10 @@ fn machines_that_take_positions_refuse_velocities_by_file_and_key() {
             &["--plant", "ethercat:eth9"],
             "drives over EtherCAT (--plant) take \"position\"",
         ),
+        (
+            &["--plant", "socket:127.0.0.1:1", "--pace", "lockstep"],
+            "a simulator behind a socket (--plant) takes \"position\"",
+        ),
     ] {
         let said = folder
             .run(&[&["serve", "--robot", "v.toml"], more].concat())

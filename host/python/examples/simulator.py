@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+"""A simulator of one's own as the machine: `gantry-tau serve --plant socket:127.0.0.1:7020 --pace lockstep`.
+
+    simulator.py [--port 7020] [--force 100]   # in one terminal
+    gantry-tau serve --plant socket:127.0.0.1:7020 --pace lockstep
+    gantry-tau client
+
+Its drives are where their references are, and its tool is pulled along x from the third second on.
+"""
+import argparse
+import json
+import socket
+
+parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+parser.add_argument("--port", type=int, default=7020)
+parser.add_argument("--force", type=float, default=100.0, help="N along x; default %(default)s")
+options = parser.parse_args()
+
+
+class Machine:
+    """Three or six axes at home. Every call returns the fields of its answer."""
+
+    def __init__(self):
+        self.axes = None
+        self.ticks = 0
+
+    def start(self, home_mm, **_):
+        if self.axes is None:  # a server that comes back finds the machine as it left it
+            still = [0] * len(home_mm)
+            self.axes = {"nominal_mm": home_mm, "offset_um": still, "velocity_mm_s": still, "torque_permille": still}
+            self.home_mm = self.actual_mm = home_mm
+        return {}
+
+    def in_force(self):
+        return {"axes": self.axes}
+
+    def read(self, elapsed):
+        self.ticks += elapsed
+        force = options.force if self.ticks > 3000 else 0.0
+        tool = {"force_n": [force, 0, 0], "moment_nm": [0, 0, 0]}
+        return {"nominal_mm": self.home_mm, "actual_mm": self.actual_mm, "tool": tool}
+
+    def write(self, motors, axes):
+        self.axes = axes
+        self.actual_mm = [nominal + offset / 1e3 for nominal, offset in zip(axes["nominal_mm"], axes["offset_um"])]
+        if self.ticks % 1000 == 0:
+            print(f"{self.ticks / 1000:.0f} s: offsets {axes['offset_um']} um", flush=True)
+        return {}
+
+    def reset(self):
+        return {}
+
+
+def serve(server, machine):
+    connection, _ = server.accept()
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    with connection.makefile("rw") as lines:
+        for line in lines:
+            call = json.loads(line)
+            number, name = call.pop("n"), call.pop("call")
+            answer = getattr(machine, name)(**call)
+            print(json.dumps({"n": number} | answer), file=lines, flush=True)
+
+
+machine = Machine()
+with socket.create_server(("127.0.0.1", options.port)) as server:
+    print(f"waiting for a server at 127.0.0.1:{options.port}", flush=True)
+    try:
+        while True:
+            serve(server, machine)
+    except KeyboardInterrupt:
+        pass
