@@ -16,9 +16,12 @@ use super::kani;
 use crate::properties::{session, tick};
 use crate::stand_in;
 
-/// The number of a session, and of the other arguments, that a function depends on, and the axis of it.
+/// The number of a session that the functions depend on, that of the other arguments of each, and the
+/// axis of them. What one function passes on is chosen apart from what the next one looks at.
 static OF_SESSION: AtomicUsize = AtomicUsize::new(0);
-static OF_OTHERS: AtomicUsize = AtomicUsize::new(0);
+static OF_WRITE: AtomicUsize = AtomicUsize::new(0);
+static OF_EVENTS: AtomicUsize = AtomicUsize::new(0);
+static OF_STEP: AtomicUsize = AtomicUsize::new(0);
 static AXIS: AtomicUsize = AtomicUsize::new(0);
 /// Calls of [`apply_write_result`], [`classify`] and [`step`].
 static SETTLEMENTS: AtomicU32 = AtomicU32::new(0);
@@ -44,6 +47,7 @@ fn apply_write_result<const N: usize>(session: &mut Session<N>, last_write: &Las
             u64::from(*last_write == LastWrite::Unknown),
             nominal.map_or(0, bits),
         ],
+        &OF_WRITE,
     );
     become_of(session, number);
 }
@@ -72,6 +76,7 @@ fn classify<const N: usize>(
             next.map_or(0, |next| next.0),
             u64::from(next.is_none()),
         ],
+        &OF_EVENTS,
     );
     accepted.fsm.skipped = u32::try_from(number & 0xFFFF_FFFF).unwrap_or(0);
 }
@@ -131,6 +136,7 @@ fn step<const N: usize>(
             nominal.map_or(0, bits),
             accepted.fsm.skipped.into(),
         ],
+        &OF_STEP,
     );
     let mut output = no_output();
     output.withheld = number & 1 == 1;
@@ -165,7 +171,7 @@ const fn is_valid<const N: usize>(_: &Session<N>) -> bool {
 }
 
 /// The chosen ones of the numbers of a session and of these, together.
-fn one_of<const N: usize>(session: &Session<N>, others: &[u64]) -> u64 {
+fn one_of<const N: usize>(session: &Session<N>, others: &[u64], place: &AtomicUsize) -> u64 {
     let Parts {
         withheld,
         off_path,
@@ -188,7 +194,7 @@ fn one_of<const N: usize>(session: &Session<N>, others: &[u64]) -> u64 {
         in_force.get(chosen).map_or(0, |axis| bits(axis.nominal)),
     ];
     let of_session = of_session.get(OF_SESSION.load(Ordering::Relaxed));
-    let of_others = others.get(OF_OTHERS.load(Ordering::Relaxed));
+    let of_others = others.get(place.load(Ordering::Relaxed));
     of_session.copied().unwrap_or(0) ^ of_others.copied().unwrap_or(0)
 }
 
@@ -203,7 +209,9 @@ const fn bits(nominal: PositionNm) -> u64 {
 /// Checks a tick of any session, which does each of its parts once.
 fn check<const N: usize>(before: &Session<N>) {
     OF_SESSION.store(kani::any(), Ordering::Relaxed);
-    OF_OTHERS.store(kani::any(), Ordering::Relaxed);
+    for place in [&OF_WRITE, &OF_EVENTS, &OF_STEP] {
+        place.store(kani::any(), Ordering::Relaxed);
+    }
     AXIS.store(kani::any(), Ordering::Relaxed);
     let mut events = Events::new();
     if kani::any() {

