@@ -13,7 +13,7 @@ use gantry_tau_core::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_server::plant::{Plant, Reading};
 use serde_json::{Value, json};
 
-/// What a simulator does with the answer to a call.
+/// Conduct of a simulator that has an answer to a call.
 #[derive(Clone, Debug)]
 pub enum Conduct {
     /// Sends it.

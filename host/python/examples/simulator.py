@@ -5,14 +5,16 @@
     gantry-tau serve --plant socket:127.0.0.1:7020 --pace lockstep
     gantry-tau client
 
-Its drives are where their references are, and its tool is pulled along x from the third second on.
+Its drives are where their references are. Press Enter to pull the tool along x, and again to let go.
 """
 import argparse
 import json
 import socket
+import sys
+import threading
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument("--port", type=int, default=7020)
+parser.add_argument("--port", type=int, default=7020, help="0 for any that is free; default %(default)s")
 parser.add_argument("--force", type=float, default=100.0, help="N along x; default %(default)s")
 options = parser.parse_args()
 
@@ -23,6 +25,7 @@ class Machine:
     def __init__(self):
         self.axes = None
         self.ticks = 0
+        self.force_n = 0.0
 
     def start(self, home_mm, **_):
         if self.axes is None:  # a server that comes back finds the machine as it left it
@@ -36,19 +39,23 @@ class Machine:
 
     def read(self, elapsed):
         self.ticks += elapsed
-        force = options.force if self.ticks > 3000 else 0.0
-        tool = {"force_n": [force, 0, 0], "moment_nm": [0, 0, 0]}
+        tool = {"force_n": [self.force_n, 0, 0], "moment_nm": [0, 0, 0]}
         return {"nominal_mm": self.home_mm, "actual_mm": self.actual_mm, "tool": tool}
 
     def write(self, motors, axes):
         self.axes = axes
         self.actual_mm = [nominal + offset / 1e3 for nominal, offset in zip(axes["nominal_mm"], axes["offset_um"])]
         if self.ticks % 1000 == 0:
-            print(f"{self.ticks / 1000:.0f} s: offsets {axes['offset_um']} um", flush=True)
+            print(f"{self.ticks / 1000:.0f} s: force {self.force_n} N, offsets {axes['offset_um']} um", flush=True)
         return {}
 
     def reset(self):
         return {}
+
+
+def pull(machine):
+    for _ in sys.stdin:
+        machine.force_n = options.force - machine.force_n
 
 
 def serve(server, machine):
@@ -63,8 +70,9 @@ def serve(server, machine):
 
 
 machine = Machine()
+threading.Thread(target=pull, args=[machine], daemon=True).start()
 with socket.create_server(("127.0.0.1", options.port)) as server:
-    print(f"waiting for a server at 127.0.0.1:{options.port}", flush=True)
+    print(f"waiting for a server at 127.0.0.1:{server.getsockname()[1]}", flush=True)
     try:
         while True:
             serve(server, machine)

@@ -6,7 +6,8 @@
 //!
 //! A simulator that answers late, twice, with something else or not at all is a machine that cannot be
 //! read: its connection is closed, and every call fails with that reason until
-//! [`reset`](Plant::reset) connects again and the drives are read back.
+//! [`reset`](Plant::reset) connects again and the drives are read back. One that answers that a call
+//! failed keeps its connection.
 
 mod line;
 
@@ -22,11 +23,11 @@ use gantry_tau_server::plant::{DriveState, Plant, Reading};
 use gantry_tau_system::dial::{self, Addresses};
 use gantry_tau_system::lines::plain;
 
-use line::{Call, Start};
+use line::{Answer, Call, Start};
 
-/// Time for an answer.
+/// Time for the connection, and for an answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
-/// Time for the connection and the answer to `start`: a simulator may load its model first.
+/// Time for the answer to `start`: a simulator may load its model first.
 pub const START_PATIENCE: Duration = Duration::from_secs(30);
 
 /// A machine in another process.
@@ -116,7 +117,7 @@ impl<const N: usize, const M: usize> RemoteMachine<N, M> {
         self.call(&Call::Start(self.start.clone()), line::nothing)
     }
 
-    /// Makes a call, and reads its answer; a failure closes the connection.
+    /// Makes a call, and reads its answer; one that cannot be used closes the connection.
     fn call<T>(
         &mut self,
         call: &Call,
@@ -124,15 +125,20 @@ impl<const N: usize, const M: usize> RemoteMachine<N, M> {
     ) -> Result<T, RemoteError> {
         self.calls += 1;
         let answered = match &mut self.link {
-            Ok(link) => link
-                .ask(self.calls, call)
-                .and_then(|fields| read(fields).map_err(|reason| format!("its answer: {reason}"))),
+            Ok(link) => link.ask(self.calls, call),
             Err(reason) => Err(reason.clone()),
         };
-        answered.map_err(|reason| {
+        let used = answered.and_then(|answer| match answer {
+            Answer::Done(fields) => read(fields)
+                .map(Ok)
+                .map_err(|reason| format!("its answer: {reason}")),
+            Answer::Failed(reason) => Ok(Err(reason)),
+        });
+        let outcome = used.unwrap_or_else(|reason| {
             self.link = Err(reason.clone());
-            failed(&self.address, call.operation(), reason)
-        })
+            Err(reason)
+        });
+        outcome.map_err(|reason| failed(&self.address, call.operation(), reason))
     }
 }
 
@@ -191,8 +197,8 @@ impl Link {
         })
     }
 
-    /// Sends a call and returns the fields of its answer.
-    fn ask(&mut self, number: u64, call: &Call) -> Result<line::Fields, String> {
+    /// Sends a call and returns its answer, or what is wrong with it.
+    fn ask(&mut self, number: u64, call: &Call) -> Result<Answer, String> {
         if !self.stream.buffer().is_empty() {
             return Err("it has answered twice".to_owned());
         }

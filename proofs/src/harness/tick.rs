@@ -16,12 +16,31 @@ use super::kani;
 use crate::properties::{session, tick};
 use crate::stand_in;
 
-/// The number of a session that the functions depend on, that of the other arguments of each, and the
-/// axis of them. What one function passes on is chosen apart from what the next one looks at.
-static OF_SESSION: AtomicUsize = AtomicUsize::new(0);
-static OF_WRITE: AtomicUsize = AtomicUsize::new(0);
-static OF_EVENTS: AtomicUsize = AtomicUsize::new(0);
-static OF_STEP: AtomicUsize = AtomicUsize::new(0);
+/// The numbers that a function depends on: of a session, and of its other arguments.
+struct Places {
+    session: AtomicUsize,
+    others: AtomicUsize,
+}
+
+impl Places {
+    const fn new() -> Self {
+        Self {
+            session: AtomicUsize::new(0),
+            others: AtomicUsize::new(0),
+        }
+    }
+
+    fn choose(&self) {
+        self.session.store(kani::any(), Ordering::Relaxed);
+        self.others.store(kani::any(), Ordering::Relaxed);
+    }
+}
+
+/// Of each function apart: what one passes on, the next must be able to look at.
+static OF_WRITE: Places = Places::new();
+static OF_EVENTS: Places = Places::new();
+static OF_STEP: Places = Places::new();
+/// The axis of all of them.
 static AXIS: AtomicUsize = AtomicUsize::new(0);
 /// Calls of [`apply_write_result`], [`classify`] and [`step`].
 static SETTLEMENTS: AtomicU32 = AtomicU32::new(0);
@@ -78,7 +97,7 @@ fn classify<const N: usize>(
         ],
         &OF_EVENTS,
     );
-    accepted.fsm.skipped = u32::try_from(number & 0xFFFF_FFFF).unwrap_or(0);
+    accepted.fsm.skipped = u32::try_from((number ^ number >> 32) & 0xFFFF_FFFF).unwrap_or(0);
 }
 
 /// Classification of an event: the bit of [`stand_in::classify`] after those of the events before it. Its
@@ -171,7 +190,7 @@ const fn is_valid<const N: usize>(_: &Session<N>) -> bool {
 }
 
 /// The chosen ones of the numbers of a session and of these, together.
-fn one_of<const N: usize>(session: &Session<N>, others: &[u64], place: &AtomicUsize) -> u64 {
+fn one_of<const N: usize>(session: &Session<N>, others: &[u64], places: &Places) -> u64 {
     let Parts {
         withheld,
         off_path,
@@ -193,8 +212,8 @@ fn one_of<const N: usize>(session: &Session<N>, others: &[u64], place: &AtomicUs
         axes.get(chosen).map_or(0, |axis| axis.agitation.0.into()),
         in_force.get(chosen).map_or(0, |axis| bits(axis.nominal)),
     ];
-    let of_session = of_session.get(OF_SESSION.load(Ordering::Relaxed));
-    let of_others = others.get(place.load(Ordering::Relaxed));
+    let of_session = of_session.get(places.session.load(Ordering::Relaxed));
+    let of_others = others.get(places.others.load(Ordering::Relaxed));
     of_session.copied().unwrap_or(0) ^ of_others.copied().unwrap_or(0)
 }
 
@@ -208,9 +227,8 @@ const fn bits(nominal: PositionNm) -> u64 {
 
 /// Checks a tick of any session, which does each of its parts once.
 fn check<const N: usize>(before: &Session<N>) {
-    OF_SESSION.store(kani::any(), Ordering::Relaxed);
-    for place in [&OF_WRITE, &OF_EVENTS, &OF_STEP] {
-        place.store(kani::any(), Ordering::Relaxed);
+    for places in [&OF_WRITE, &OF_EVENTS, &OF_STEP] {
+        places.choose();
     }
     AXIS.store(kani::any(), Ordering::Relaxed);
     let mut events = Events::new();

@@ -4,16 +4,17 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use gantry_tau_client::ClientControls;
+use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
 use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::model::robot::ARMS;
+use gantry_tau_core::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_machine::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau_machine::robot_file::RobotFile;
 use gantry_tau_server::plant::Plant;
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
-use gantry_tau_sim::load_generator::{Load, LoadGenerator, load_generator};
+use gantry_tau_sim::load_generator::{Load, load_generator};
 use gantry_tau_sim::machine::SimulatedMachine;
 use gantry_tau_sim::remote::RemoteMachine;
 use gantry_tau_system::dial::NEVER;
@@ -21,104 +22,87 @@ use gantry_tau_tests::client_session;
 use gantry_tau_tests::simulator::{self, Conduct};
 use serde_json::Value;
 
-/// Rows of Obtain before the load acts, and with it.
-const BEFORE: usize = 50;
-const LOADED: usize = 300;
-
+/// A machine under 300 N; equal ones do the same.
 fn machine<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
-) -> (LoadGenerator, SimulatedMachine<N, M>) {
-    let (hand, tool) = load_generator();
-    let machine = SimulatedMachine::moving_from_robot(robot, tool, Motion::Hold).unwrap();
-    (hand, machine)
+) -> SimulatedMachine<N, M> {
+    let (mut hand, tool) = load_generator();
+    let load = Load {
+        step: 0,
+        force_n: [300.0, 0.0, -20.0],
+        moment_nm: [0.0; 3],
+    };
+    hand.set(&load).unwrap();
+    SimulatedMachine::moving_from_robot(robot, tool, Motion::Hold).unwrap()
 }
 
 /// The remote side of a machine that is simulated in a thread of this process.
 fn remote<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
     conduct: impl FnMut(&Value, &Value) -> Conduct + Send + 'static,
-) -> (LoadGenerator, RemoteMachine<N, M>) {
-    let (hand, machine) = machine::<K, N, M>(robot);
-    let address = simulator::spawn(machine, conduct);
-    let remote = RemoteMachine::connect(address.into(), robot, &NEVER).unwrap();
-    (hand, remote)
+) -> RemoteMachine<N, M> {
+    let address = simulator::spawn(machine::<K, N, M>(robot), conduct);
+    RemoteMachine::connect(address.into(), robot, &NEVER).unwrap()
 }
 
-/// Rows of a session in which the real client compensates a load of 300 N.
-fn compensated<K: MachineKind<N>, const N: usize, const M: usize, P>(
-    robot: RobotFile<K, N>,
-    (mut hand, machine): (LoadGenerator, P),
-) -> Vec<TickRecord<N>>
-where
-    P: Plant<N, M> + 'static,
-{
-    let cycle = client_session::cycle::<_, N, M, _>(&robot, machine);
-    let mut obtaining = 0;
-    let controls: Arc<ClientControls> = Arc::default();
-    let (report, rows) = client_session::play(robot, cycle, None, &controls, |row| {
-        obtaining += usize::from(row.state.phase == Phase::Obtain);
-        if obtaining == BEFORE {
-            hand.set(&Load {
-                step: 1,
-                force_n: [300.0, 0.0, 0.0],
-                moment_nm: [0.0; 3],
-            })
-            .unwrap();
+/// Parts of the references of a cycle: every unit and both signs.
+fn parts<const N: usize>(from: &[InForce; N], cycle: i32) -> [InForce; N] {
+    let mut axis = 0;
+    from.map(|before| {
+        axis += 1;
+        InForce {
+            nominal: PositionNm(before.nominal.0 + i64::from(axis * cycle)),
+            offsets: Offsets {
+                position: OffsetNm(-37 * axis * cycle),
+                velocity: VelocityUmS(axis * (cycle - 50)),
+                torque: TorquePermille(i16::try_from(axis - cycle).unwrap()),
+            },
         }
-        if obtaining == BEFORE + LOADED {
-            controls.quit.store(true, Ordering::Relaxed);
-        }
-    });
-    report.unwrap();
-    rows
-}
-
-/// From the row on in which the load acts: offsets of the axes, nm, and displacement of the tool, m.
-fn under_load<const N: usize>(rows: &[TickRecord<N>]) -> Vec<([i32; N], [f64; 3])> {
-    let is_loaded = |row: &TickRecord<N>| row.tool.unwrap().load.iter().any(|part| *part != 0.0);
-    let first = rows.iter().position(is_loaded).unwrap();
-    let rows = rows[first..].iter();
-    rows.take_while(|row| row.state.phase == Phase::Obtain)
-        .map(|row| {
-            let offsets = row.state.axes.map(|axis| axis.offsets.position.0);
-            (offsets, row.tool.unwrap().displacement_m)
-        })
-        .take(LOADED / 2)
-        .collect()
+    })
 }
 
 fn is_as_in_this_process<K: MachineKind<N>, const N: usize, const M: usize>(
-    robot: impl Fn() -> RobotFile<K, N>,
+    robot: &RobotFile<K, N>,
 ) {
-    let mut prepared = robot();
-    prepared.sensor.tare_samples = 50;
-    // Sessions begin in any tick, and noise goes with the ticks; so does what still swings.
-    prepared.masses = None;
-    prepared.simulation.force_noise_n = 0.0;
-    prepared.simulation.moment_noise_nm = 0.0;
-    let here = compensated::<_, N, M, _>(prepared.clone(), machine::<_, N, M>(&prepared));
-    let there = compensated::<_, N, M, _>(
-        prepared.clone(),
-        remote::<_, N, M>(&prepared, |_, _| Conduct::Answer),
-    );
-    let (here, there) = (under_load(&here), under_load(&there));
-    assert_eq!(here.len(), LOADED / 2);
-    assert!(here.last().unwrap().0.iter().any(|nm| nm.abs() > 10_000));
-    for (here, there) in here.iter().zip(&there) {
-        // Drives come to rest from their start, which is another tick, to nanometres.
-        let differs = |axis: usize| (here.0[axis] - there.0[axis]).abs() > 2;
-        assert!(!(0..N).any(differs), "offsets, nm: {here:?} {there:?}");
-        let off = (0..3).map(|axis| (here.1[axis] - there.1[axis]).abs());
-        let off = off.fold(0.0, f64::max);
-        assert!(off < 5e-9, "displacement: {off:e} m");
+    let mut here = machine::<K, N, M>(robot);
+    let mut there = remote::<K, N, M>(robot, |_, _| Conduct::Answer);
+    let map = robot.motor_map::<M>().unwrap();
+    let start = here.in_force().unwrap();
+    assert_eq!(there.in_force().unwrap(), start);
+    for cycle in 1..=100 {
+        let (mut one, mut other) = (here.read(1).unwrap(), there.read(1).unwrap());
+        let [tool, remote] = [&mut one, &mut other].map(|reading| reading.tool.as_mut().unwrap());
+        for axis in 0..3 {
+            // Micrometres and back: two roundings.
+            let off_m = (tool.displacement_m[axis] - remote.displacement_m[axis]).abs();
+            let off_rad = (tool.turn_rad[axis] - remote.turn_rad[axis]).abs();
+            assert!(off_m < 1e-18 && off_rad < 1e-18, "{off_m} {off_rad}");
+        }
+        // The last two are of the gauges and the load profile, which are not on the line.
+        remote.displacement_m = tool.displacement_m;
+        remote.turn_rad = tool.turn_rad;
+        remote.gauges_m = tool.gauges_m;
+        remote.step = tool.step;
+        assert_eq!(one, other, "cycle {cycle}");
+        assert_eq!(here.drives(), there.drives());
+        let parts = parts(&start, cycle);
+        let references = map.axis_of_motor().map(|axis| Reference {
+            position: PositionNm(parts[axis].nominal.0 + i64::from(parts[axis].offsets.position.0)),
+            velocity_offset: parts[axis].offsets.velocity,
+            torque_offset: parts[axis].offsets.torque,
+        });
+        here.write(&references, &parts).unwrap();
+        there.write(&references, &parts).unwrap();
+        assert_eq!(there.in_force().unwrap(), parts);
     }
-    assert_eq!(here.len(), there.len());
+    let moved = here.read(1).unwrap().tool.unwrap().displacement_m;
+    assert!(moved[0].abs() > 1e-6, "the load acts: {moved:?}");
 }
 
 #[test]
 fn a_machine_in_another_process_is_as_one_in_this() {
-    is_as_in_this_process::<_, ARMS, L2_MOTORS>(|| RobotFile::builtin_l2().unwrap());
-    is_as_in_this_process::<_, 6, F1_MOTORS>(|| RobotFile::builtin_f1().unwrap());
+    is_as_in_this_process::<_, ARMS, L2_MOTORS>(&RobotFile::builtin_l2().unwrap());
+    is_as_in_this_process::<_, 6, F1_MOTORS>(&RobotFile::builtin_f1().unwrap());
 }
 
 /// Call of a kind that goes wrong, and how.
@@ -250,10 +234,13 @@ fn a_simulator_that_does_wrong_is_a_machine_that_cannot_be_read() {
     for (kind, what, fault, reason) in cases {
         let robot = RobotFile::builtin_l2().unwrap();
         let calls = AtomicU64::new(0);
-        let mut has_started = false;
-        let (_hand, remote) = remote::<_, ARMS, L2_MOTORS>(&robot, move |call, answer| {
-            has_started |= call["call"] == "start";
-            assert!(has_started, "{call}");
+        let (starts, resets) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
+        let counted = [Arc::clone(&starts), Arc::clone(&resets)];
+        let remote = remote::<_, ARMS, L2_MOTORS>(&robot, move |call, answer| {
+            for (name, count) in ["start", "reset"].iter().zip(&counted) {
+                count.fetch_add(u64::from(call["call"] == *name), Ordering::Relaxed);
+            }
+            assert!(counted[0].load(Ordering::Relaxed) > 0, "{call}");
             let is_of_kind = call["call"] == kind;
             if is_of_kind && calls.fetch_add(1, Ordering::Relaxed) == 5 {
                 fault(call, answer)
@@ -276,6 +263,13 @@ fn a_simulator_that_does_wrong_is_a_machine_that_cannot_be_read() {
             .find(|row| row.state.phase == Phase::Listening);
         let row = row.unwrap_or_else(|| panic!("{what}: not re-armed"));
         assert_eq!(row.state.axes.map(|axis| axis.nominal), nominal, "{what}");
+        // Who says what failed has broken nothing, and is reset; others are connected to again.
+        let [starts, resets] = [&starts, &resets].map(|count| count.load(Ordering::Relaxed));
+        if what == "says why" {
+            assert!(starts == 1 && resets > 0, "{what}: {starts}, {resets}");
+        } else {
+            assert_eq!(starts, 2, "{what}");
+        }
     }
 }
 

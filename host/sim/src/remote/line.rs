@@ -42,7 +42,7 @@ impl Call {
     }
 }
 
-/// What a simulator is told of the machine: what it starts as, with the axes at home.
+/// Description of the machine for its simulator, with the axes at home.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Start {
     pub(super) model: &'static str,
@@ -144,6 +144,15 @@ struct Tool {
 /// Fields of an answer, but those of every answer.
 pub(super) type Fields = Map<String, Value>;
 
+/// Answer to a call.
+#[derive(Debug)]
+pub(super) enum Answer {
+    /// The call was carried out.
+    Done(Fields),
+    /// The machine could not, for this reason.
+    Failed(String),
+}
+
 /// Writes a call.
 pub(super) fn question(number: u64, call: &Call) -> Result<Vec<u8>, String> {
     #[derive(Serialize)]
@@ -158,8 +167,8 @@ pub(super) fn question(number: u64, call: &Call) -> Result<Vec<u8>, String> {
 /// Reads the answer to the call of this number.
 ///
 /// # Errors
-/// Its `error`, or what is wrong with it.
-pub(super) fn answer(line: &[u8], number: u64) -> Result<Fields, String> {
+/// It is none; the text says why.
+pub(super) fn answer(line: &[u8], number: u64) -> Result<Answer, String> {
     let mut fields: Fields = serde_json::from_slice(line)
         .map_err(|error| format!("its answer is no object of JSON: {error}"))?;
     match fields.remove("n").and_then(|n| n.as_u64()) {
@@ -168,9 +177,9 @@ pub(super) fn answer(line: &[u8], number: u64) -> Result<Fields, String> {
         None => return Err("its answer has no number n".to_owned()),
     }
     match fields.remove("error") {
-        None | Some(Value::Null) => Ok(fields),
-        Some(Value::String(error)) => Err(error),
-        Some(error) => Err(error.to_string()),
+        None | Some(Value::Null) => Ok(Answer::Done(fields)),
+        Some(Value::String(error)) => Ok(Answer::Failed(error)),
+        Some(error) => Ok(Answer::Failed(error.to_string())),
     }
 }
 

@@ -1,15 +1,25 @@
 //! The examples of host/python: each does what it says, within the limits in every tick.
 
+use std::io::{BufRead, BufReader, Write};
+use std::net::SocketAddr;
 use std::path::Path;
-use std::process::{Child, Command};
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use gantry_tau_client::pace::PaceOptions;
+use gantry_tau_core::control::axis::{InForce, Offsets, Reference};
 use gantry_tau_core::control::message::Cause;
 use gantry_tau_core::model::robot::ARMS;
+use gantry_tau_core::units::{OffsetNm, PositionNm, TorquePermille, VelocityUmS};
+use gantry_tau_machine::model::L2_MOTORS;
+use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_server::plant::Plant;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_server::server::TickSource;
+use gantry_tau_sim::remote::RemoteMachine;
+use gantry_tau_system::dial::NEVER;
 use gantry_tau_tests::pacing::Pacing;
+use gantry_tau_tests::wait_for;
 
 use super::{folder, python};
 use crate::firmware::program;
@@ -25,6 +35,7 @@ pub(super) const TRIALS: &[(&str, super::Check)] = &[
         force_control,
     ),
     ("slow_program_moves_the_first_axis", slow_program),
+    ("simulator_follows_its_references_and_is_pulled", simulator),
 ];
 
 /// An example with the address of the server.
@@ -136,6 +147,49 @@ fn slow_program() {
         );
     });
     assert_eq!((report.programs, report.refused), (1, 0));
+}
+
+fn simulator() {
+    let mut program = python()
+        .arg(folder().join("examples/simulator.py"))
+        .args(["--port", "0"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = String::new();
+    let mut lines = BufReader::new(program.stdout.take().unwrap());
+    lines.read_line(&mut said).unwrap();
+    let address = said.trim().strip_prefix("waiting for a server at ");
+    let address: SocketAddr = address.unwrap().parse().unwrap();
+    let robot = RobotFile::builtin_l2().unwrap();
+    let mut machine =
+        RemoteMachine::<ARMS, L2_MOTORS>::connect(address.into(), &robot, &NEVER).unwrap();
+    let home = machine.in_force().unwrap();
+    let moved = home.map(|axis| InForce {
+        offsets: Offsets::position(OffsetNm(-1_234)),
+        ..axis
+    });
+    let references = moved.map(|axis| Reference {
+        position: PositionNm(axis.nominal.0 - 1_234),
+        velocity_offset: VelocityUmS(0),
+        torque_offset: TorquePermille(0),
+    });
+    machine.write(&references, &moved).unwrap();
+    assert_eq!(machine.in_force().unwrap(), moved);
+    let reading = machine.read(1).unwrap();
+    assert_eq!(reading.nominal, home.map(|axis| axis.nominal));
+    let actual = reading.actual.map(|axis| axis.position);
+    assert_eq!(actual, references.map(|reference| reference.position));
+    let sensor = reading.tool.unwrap().sensor;
+    assert!(sensor.iter().all(|part| part.abs() < 1e-9), "{sensor:?}");
+    writeln!(program.stdin.as_mut().unwrap()).unwrap();
+    wait_for("the force", || {
+        let [x, rest @ ..] = machine.read(1).unwrap().tool.unwrap().sensor;
+        (x - 100.0).abs() < 1e-9 && rest.iter().all(|part| part.abs() < 1e-9)
+    });
+    program.kill().unwrap();
+    program.wait().unwrap();
 }
 
 fn submit_only() {
