@@ -16,31 +16,11 @@ use super::kani;
 use crate::properties::{session, tick};
 use crate::stand_in;
 
-/// The numbers that a function depends on: of a session, and of its other arguments.
-struct Places {
-    session: AtomicUsize,
-    others: AtomicUsize,
-}
-
-impl Places {
-    const fn new() -> Self {
-        Self {
-            session: AtomicUsize::new(0),
-            others: AtomicUsize::new(0),
-        }
-    }
-
-    fn choose(&self) {
-        self.session.store(kani::any(), Ordering::Relaxed);
-        self.others.store(kani::any(), Ordering::Relaxed);
-    }
-}
-
-/// Of each function apart: what one passes on, the next must be able to look at.
-static OF_WRITE: Places = Places::new();
-static OF_EVENTS: Places = Places::new();
-static OF_STEP: Places = Places::new();
-/// The axis of all of them.
+/// The number that each function depends on, of a session and of its other arguments; and the axis of
+/// all of them. Each chosen apart: what one passes on, the next must be able to look at.
+static OF_WRITE: AtomicUsize = AtomicUsize::new(0);
+static OF_EVENTS: AtomicUsize = AtomicUsize::new(0);
+static OF_STEP: AtomicUsize = AtomicUsize::new(0);
 static AXIS: AtomicUsize = AtomicUsize::new(0);
 /// Calls of [`apply_write_result`], [`classify`] and [`step`].
 static SETTLEMENTS: AtomicU32 = AtomicU32::new(0);
@@ -189,8 +169,8 @@ const fn is_valid<const N: usize>(_: &Session<N>) -> bool {
     true
 }
 
-/// The chosen ones of the numbers of a session and of these, together.
-fn one_of<const N: usize>(session: &Session<N>, others: &[u64], places: &Places) -> u64 {
+/// The chosen one of the numbers of a session and of these.
+fn one_of<const N: usize>(session: &Session<N>, others: &[u64], place: &AtomicUsize) -> u64 {
     let Parts {
         withheld,
         off_path,
@@ -200,7 +180,8 @@ fn one_of<const N: usize>(session: &Session<N>, others: &[u64], places: &Places)
         in_force,
         ..
     } = session.parts();
-    let chosen = AXIS.load(Ordering::Relaxed);
+    let axis = axes.get(AXIS.load(Ordering::Relaxed));
+    let in_force = in_force.get(AXIS.load(Ordering::Relaxed));
     let flags = [*withheld, *off_path, *paced];
     let of_session = [
         flags
@@ -208,13 +189,16 @@ fn one_of<const N: usize>(session: &Session<N>, others: &[u64], places: &Places)
             .fold(0, |all, flag| all << 1 | u64::from(flag)),
         discrete.tick.0,
         discrete.epoch.0,
-        axes.get(chosen).map_or(0, |axis| bits(axis.nominal)),
-        axes.get(chosen).map_or(0, |axis| axis.agitation.0.into()),
-        in_force.get(chosen).map_or(0, |axis| bits(axis.nominal)),
+        axis.map_or(0, |axis| bits(axis.nominal)),
+        axis.map_or(0, |axis| axis.agitation.0.into()),
+        in_force.map_or(0, |axis| bits(axis.nominal)),
     ];
-    let of_session = of_session.get(places.session.load(Ordering::Relaxed));
-    let of_others = others.get(places.others.load(Ordering::Relaxed));
-    of_session.copied().unwrap_or(0) ^ of_others.copied().unwrap_or(0)
+    let place = place.load(Ordering::Relaxed);
+    let chosen = match place.checked_sub(of_session.len()) {
+        None => of_session.get(place),
+        Some(place) => others.get(place),
+    };
+    chosen.copied().unwrap_or(0)
 }
 
 const fn position(number: u64) -> PositionNm {
@@ -227,10 +211,9 @@ const fn bits(nominal: PositionNm) -> u64 {
 
 /// Checks a tick of any session, which does each of its parts once.
 fn check<const N: usize>(before: &Session<N>) {
-    for places in [&OF_WRITE, &OF_EVENTS, &OF_STEP] {
-        places.choose();
+    for chosen in [&OF_WRITE, &OF_EVENTS, &OF_STEP, &AXIS] {
+        chosen.store(kani::any(), Ordering::Relaxed);
     }
-    AXIS.store(kani::any(), Ordering::Relaxed);
     let mut events = Events::new();
     if kani::any() {
         assert!(events.push(kani::any()).is_ok(), "there is room");
