@@ -26,5 +26,6 @@ Print Assumptions T22_silence_ends_in_listening.
 Print Assumptions T22_handshake_ends_in_listening.
 Print Assumptions T23_epochs_never_repeat.
 Print Assumptions T23_a_recorded_frame_acts_no_more.
+Print Assumptions T27_forgeries_decide_nothing.
 Print Assumptions T33_agitation_is_bounded.
 Print Assumptions T33_beyond_the_budget_it_ends.

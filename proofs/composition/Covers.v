@@ -136,6 +136,22 @@ Definition of_T7 := T7_others_decide_nothing three eq_refl tt in_obtain crowded 
 Example others_are_left_out : filter (is_owners (settled tt in_obtain crowded)) (events crowded) = events follows.
 Proof. reflexivity. Qed.
 
+(** T27: a forgery at the owner's connection, and a stranger's command; the same bytes with the tag. *)
+Definition with_tag tag := OverDatagrams 5%nat (tag, Command 3 ToObtain 20).
+Definition forged := [(7%nat, with_tag 4%nat); (8%nat, with_tag 5%nat)].
+Definition hears_forged := {|
+  fate := Taken; events := events_of forged; epochs := tt; cycle := on_time false false |}.
+Lemma owners_are_forged : forall from arrival, In (from, arrival) forged ->
+  owner (discrete (settled tt in_obtain hears_forged)) = Some from -> is_forged arrival.
+Proof.
+  intros from arrival [is_it | [is_it | []]]; inversion is_it; subst; intros owns; vm_compute in owns |- *;
+    [reflexivity | discriminate].
+Qed.
+Definition of_T27 := T27_forgeries_decide_nothing three eq_refl tt in_obtain hears_forged forged
+  a_run_to_obtain ltac:(computed) eq_refl owners_are_forged.
+Example a_tag_is_heard : events_of [(7%nat, with_tag 5%nat)] = events follows.
+Proof. reflexivity. Qed.
+
 (** T9: a stop at the machine; servers that start latched. *)
 Definition of_T9_stop := T9_a_stop_is_not_forgotten three tt in_obtain stopped _ _ [silent; silent]
   (plays (after in_obtain stopped) [silent; silent]) a_run_to_obtain
@@ -213,6 +229,7 @@ Definition theorems := (
   T22_handshake_ends_in_listening,
   T23_epochs_never_repeat,
   T23_a_recorded_frame_acts_no_more,
+  T27_forgeries_decide_nothing,
   T33_agitation_is_bounded,
   T33_beyond_the_budget_it_ends).
 Print Assumptions theorems.

@@ -131,6 +131,9 @@ Module Type FUNCTIONS.
   Parameter refill : AxisConfig -> option Z.
   (** Events of the network, and the epochs that may be granted. *)
   Parameters Event Epochs : Type.
+  (** Connections over datagrams to an endpoint with keys, each with what its datagrams are judged by at
+      a time ([Door] of the properties); and the bytes of datagrams. *)
+  Parameters Door Bytes : Type.
 
   (** Functions of core. *)
   Parameter decide : FsmState -> FsmInput -> Rules -> Decision.
@@ -216,6 +219,10 @@ Module Type CORE.
   Include FUNCTIONS.
   Include Terms.
 
+  (** [Door::is_authentic] of the properties: a frame has the tag of who may be heard. *)
+  Parameter is_authentic : Door -> Bytes -> bool.
+  (** The event of a datagram, if it has one. *)
+  Parameter take : Door -> Bytes -> option Event.
   Parameter sift : Config -> Server -> Epochs -> nat * Event -> Accepted -> Accepted.
   Parameter classify : Config -> Server -> Epochs -> list (nat * Event) -> Accepted.
   Parameter order : Config -> Server -> TickInput -> bool -> Accepted -> Decision * FsmInput * Order.
@@ -511,6 +518,13 @@ Module Type ROWS.
   (* says: "T23: only new epochs and sequences are accepted" *)
   Axiom sift_accepts_only_what_is_new : N = 3%nat -> forall c s epochs event a, valid c s ->
     is_new (discrete s) (asked a) -> is_new (discrete s) (asked (sift c s epochs event a)).
+
+  (* says: "T27: a datagram is judged at once" *)
+  (* says: "T27: a forgery has no event" *)
+  (* says: "T27: a forgery ends no session over datagrams" *)
+  (* says: "T27: a broken stream ends the owner's own connection" *)
+  Axiom slot_forgery_is_nothing : N = 3%nat -> forall door bytes,
+    is_authentic door bytes = false -> take door bytes = None.
 
   (** ** The start *)
 

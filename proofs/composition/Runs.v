@@ -557,7 +557,7 @@ Qed.
 (** * The ramp *)
 
 (** In SafeDisconnect and Fault, unless all is at zero and known, every channel of every axis takes
-    exactly min(rho, |value|) towards zero, and never past it, whatever happens. *)
+    exactly min(rho, |value|) towards zero, and never past it, under any input. *)
 Theorem T5_exact : forall c w input w' out axis k,
   run c w -> one_tick c w input w' out -> is_over (discrete (settled c w input)) = true ->
   all_zero (facts c w input) = false -> (axis < N)%nat ->
@@ -691,7 +691,7 @@ Qed.
 
 (** A stop (heard, at the machine, a machine that is not read, a write that was not taken), an end and a
     fault of the path: every channel takes a step of the ramp in that tick, and Fault lasts from then on
-    for as long as nobody presses re-arm. *)
+    for as long as re-arm is not pressed. *)
 Theorem T9_a_stop_is_not_forgotten : forall c w input w' out rest last,
   run c w -> one_tick c w input w' out ->
   stop (facts c w input) || quit (facts c w input) || nominal_fault (facts c w input) = true ->
@@ -719,7 +719,7 @@ Proof.
       * apply (fault_stays c w' next_input w'' out ok' ticked faulty'). rewrite released. reflexivity.
 Qed.
 
-(** A server that starts with a latched stop is in Fault for as long as nobody presses re-arm. *)
+(** A server that starts with a latched stop is in Fault for as long as re-arm is not pressed. *)
 Theorem T9_latch_outlives_the_server : forall c told w rest last,
   started c told w -> stop_latched told = true ->
   all_ticks c (fun _ input => at_rearm (cycle input) = false) w rest last ->
@@ -998,6 +998,43 @@ Proof.
   destruct of_all as [all_1 [all_2 [all_3 [all_4 all_5]]]]. destruct of_his as [his_1 [his_2 [his_3 [his_4 his_5]]]].
   split; [congruence|]. split; [congruence|]. split; [congruence|]. split; [congruence|].
   intros axis is_axis. destruct (all_2 axis is_axis). destruct (his_2 axis is_axis). split; congruence.
+Qed.
+
+(** What arrives: a datagram at a connection as it is then, or any other event. *)
+Inductive Arrival := OverDatagrams (door : Door) (bytes : Bytes) | Otherwise (event : Event).
+Definition event_of arrival :=
+  match arrival with OverDatagrams door bytes => take door bytes | Otherwise event => Some event end.
+Definition events_of (arrivals : list (nat * Arrival)) :=
+  flat_map (fun '(from, arrival) => match event_of arrival with Some event => (from, event) :: nil | None => nil end) arrivals.
+Definition is_forged arrival :=
+  match arrival with OverDatagrams door bytes => is_authentic door bytes = false | Otherwise _ => False end.
+
+(** Outside Listening, datagrams at the owner's connection without the tag of the session's key decide
+    nothing, beside any events of others: the tick is as if nothing had arrived. *)
+Theorem T27_forgeries_decide_nothing : N = 3%nat -> forall c w input arrivals,
+  run c w -> phase (discrete (settled c w input)) <> Listening -> events input = events_of arrivals ->
+  (forall from arrival, In (from, arrival) arrivals ->
+    owner (discrete (settled c w input)) = Some from -> is_forged arrival) ->
+  let after events := tick c (server w) (fate input) events (epochs input) (cycle input) in
+  let (all, out) := after (events input) in
+  let (of_none, out') := after nil in
+  discrete of_none = discrete all /\ withheld of_none = withheld all /\ off_path of_none = off_path all /\
+  is_withheld out' = is_withheld out /\
+  forall axis, (axis < N)%nat ->
+    axes of_none axis = axes all axis /\ references out' axis = references out axis.
+Proof.
+  intros three c w input arrivals ran active arrived forged.
+  assert (filter (is_owners (settled c w input)) (events input) = nil) as nothing_heard.
+  { rewrite arrived. unfold events_of. clear arrived. induction arrivals as [|[from arrival] rest rests]; [reflexivity|].
+    cbn [flat_map]. rewrite filter_app, rests by (intros; eapply forged; [right|]; eassumption).
+    rewrite app_nil_r. destruct (event_of arrival) as [event|] eqn:is_heard; [cbn [filter]|reflexivity].
+    destruct (is_owners (settled c w input) (from, event)) eqn:is_his; [exfalso|reflexivity].
+    unfold is_owners in is_his. destruct (owner (discrete (settled c w input))) as [who|] eqn:owns; [|discriminate].
+    apply Nat.eqb_eq in is_his. simpl in is_his. subst who.
+    specialize (forged from arrival (or_introl eq_refl) eq_refl).
+    destruct arrival as [door bytes|]; [|exact forged].
+    simpl in is_heard, forged. rewrite slot_forgery_is_nothing in is_heard by assumption. discriminate. }
+  rewrite <- nothing_heard. exact (T7_others_decide_nothing three c w input ran active).
 Qed.
 
 (** * Epochs and sequences *)

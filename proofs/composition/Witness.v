@@ -26,6 +26,9 @@ Definition refill (g : AxisConfig) := Some (if g then 0 else 10).
 (** A Hello, or a command with its target, which is 20 less for the axis without a budget. *)
 Inductive Asks := Hello | Command (sequence : nat) (mode : Mode) (target : Z) | Goodbye.
 Definition Event := Asks.
+(** A key, and what a datagram says under a tag. *)
+Definition Door := nat.
+Definition Bytes := (nat * Event)%type.
 Definition Epochs := unit.
 
 (** ** The decision *)
@@ -117,6 +120,8 @@ Include Terms.
 (** ** A tick *)
 
 Definition is_from (own : option nat) from := match own with Some who => (who =? from)%nat | None => false end.
+Definition is_authentic (key : Door) (bytes : Bytes) := Nat.eqb (fst bytes) key.
+Definition take (key : Door) (bytes : Bytes) := if is_authentic key bytes then Some (snd bytes) else None.
 Definition sift (c : Config) s (_ : Epochs) (heard : nat * Event) a :=
   let (from, event) := heard in
   let f := asked a in
@@ -526,6 +531,10 @@ Proof.
     apply Nat.eqb_eq in is_so. congruence.
   - destruct (phase (discrete s)); reflexivity.
 Qed.
+
+Lemma slot_forgery_is_nothing : N = 3%nat -> forall door bytes,
+  is_authentic door bytes = false -> take door bytes = None.
+Proof. intros _ door bytes is_forged. unfold take. rewrite is_forged. reflexivity. Qed.
 
 Lemma sift_accepts_only_what_is_new : N = 3%nat -> forall c s epochs event a, valid c s ->
   is_new (discrete s) (asked a) -> is_new (discrete s) (asked (sift c s epochs event a)).
