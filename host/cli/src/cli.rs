@@ -6,6 +6,7 @@ mod completions;
 mod demo;
 mod draw;
 mod experiment;
+mod export;
 mod faults;
 mod follow;
 mod header;
@@ -81,6 +82,7 @@ enum Command {
     Stability(stability::Stability),
     Draw(draw::Draw),
     Header(header::Header),
+    Export(export::Export),
     Labcomm(labcomm::Labcomm),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
@@ -181,6 +183,7 @@ pub fn main() -> ExitCode {
         Command::Stability(stability) => run_on(AnyRobotFile::named(&stability.robot), stability),
         Command::Workspace(workspace) => run_on(workspace.machine.read(), workspace),
         Command::Draw(draw) => run_on(draw.machine.read(), draw),
+        Command::Export(export) => run_on(export.machine.read(), export),
         Command::Header(header) => header.run(),
         Command::Labcomm(labcomm) => labcomm.run(),
         Command::Calibrate(calibrate) => calibrate.run(),

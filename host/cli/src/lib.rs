@@ -11,6 +11,7 @@
 //! | `ethercat` | drives over EtherCAT as the machine of a server (feature `ethercat`, Linux) |
 //! | [`faults`] | faults of a network: lost, damaged, late frames |
 //! | [`header`] | a robot file as a C header |
+//! | [`mjcf`] | a robot file as a model of MuJoCo |
 //! | [`monitor`] | what a server publishes, for people |
 //! | [`replay`] | what a black box shows |
 //! | [`solve`] | kinematics, statics and compensation, JSON line by JSON line |
@@ -37,6 +38,7 @@ pub mod demo;
 pub mod ethercat;
 pub mod faults;
 pub mod header;
+pub mod mjcf;
 pub mod monitor;
 pub mod replay;
 mod signals;

@@ -13,18 +13,14 @@ import socket
 import sys
 import threading
 
-parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument("--port", type=int, default=7020, help="0 for any that is free; default %(default)s")
-parser.add_argument("--force", type=float, default=100.0, help="N along x; default %(default)s")
-options = parser.parse_args()
-
 
 class Machine:
     """Three or six axes at home. Every call returns the fields of its answer."""
 
-    def __init__(self):
+    def __init__(self, pull_n):
         self.axes = None
         self.ticks = 0
+        self.pull_n = pull_n
         self.force_n = 0.0
 
     def start(self, home_mm, **_):
@@ -52,13 +48,12 @@ class Machine:
     def reset(self):
         return {}
 
-
-def pull(machine):
-    for _ in sys.stdin:
-        machine.force_n = options.force - machine.force_n
+    def pull(self):
+        self.force_n = self.pull_n - self.force_n
 
 
-def serve(server, machine):
+def answer_calls(server, machine):
+    """Answers one server until it leaves."""
     connection, _ = server.accept()
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     with connection.makefile("rw") as lines:
@@ -69,12 +64,30 @@ def serve(server, machine):
             print(json.dumps({"n": number} | answer), file=lines, flush=True)
 
 
-machine = Machine()
-threading.Thread(target=pull, args=[machine], daemon=True).start()
-with socket.create_server(("127.0.0.1", options.port)) as server:
-    print(f"waiting for a server at 127.0.0.1:{server.getsockname()[1]}", flush=True)
-    try:
-        while True:
-            serve(server, machine)
-    except KeyboardInterrupt:
-        pass
+def serve(machine, port):
+    """Waits for servers, one after the other. Enter pulls, or lets go."""
+
+    def read_keys():
+        for _ in sys.stdin:
+            machine.pull()
+
+    threading.Thread(target=read_keys, daemon=True).start()
+    with socket.create_server(("127.0.0.1", port)) as server:
+        print(f"waiting for a server at 127.0.0.1:{server.getsockname()[1]}", flush=True)
+        try:
+            while True:
+                answer_calls(server, machine)
+        except KeyboardInterrupt:
+            pass
+
+
+def options(description):
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--port", type=int, default=7020, help="0 for any that is free; default %(default)s")
+    parser.add_argument("--force", type=float, default=100.0, help="N along x; default %(default)s")
+    return parser
+
+
+if __name__ == "__main__":
+    given = options(__doc__.splitlines()[0]).parse_args()
+    serve(Machine(given.force), given.port)

@@ -389,6 +389,11 @@ const ELSEWHERE: &[[&str; 3]] = &[
         "apt-get install --no-install-recommends coq",
         "installs Coq: `.ci/run`, and the trial `composition::is_checked_by_coq`; the full tier nowhere",
     ],
+    [
+        "docs/simulators.md",
+        "pip install mujoco",
+        "needs MuJoCo: the trial engines::mujoco_is_the_machine_of_a_server",
+    ],
 ];
 
 /// Returns the Markdown pages below a folder of the repository.

@@ -22,6 +22,7 @@ mod ethercat;
 mod exhaustion;
 #[cfg(unix)]
 mod experiment;
+mod export;
 #[cfg(unix)]
 mod faults;
 mod follow;
@@ -70,7 +71,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 21] = [
+    const COMMANDS: [&str; 22] = [
         "demo",
         "serve",
         "client",
@@ -88,6 +89,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         "workspace",
         "draw",
         "header",
+        "export",
         "labcomm",
         "solve",
         "completions",
@@ -106,6 +108,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
             "workspace",
             "draw",
             "header",
+            "export",
             "labcomm",
             "solve",
             "completions",

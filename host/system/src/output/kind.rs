@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Bytes that show the kind of a file. The keys of a robot file stand behind its comments.
 const HEAD: u64 = 64 << 10;
-/// Bytes that have the mark of a page, picture, answer or header.
+/// Bytes that have the mark of a page, picture, model, answer or header.
 const MARKED: usize = 256;
 /// Marks of JSON that belongs to measured data, black boxes and companions of recordings; it looks
 /// like an answer otherwise.
@@ -18,7 +18,7 @@ const MEASURED: [&str; 3] = [
 ];
 
 /// Extensions that say what a file is.
-const EXTENSIONS: [&str; 7] = ["csv", "h", "html", "json", "jsonl", "svg", "toml"];
+const EXTENSIONS: [&str; 8] = ["csv", "h", "html", "json", "jsonl", "svg", "toml", "xml"];
 
 /// Contents of a whole file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +33,8 @@ pub enum Kind {
     Answer,
     /// A machine as a C header.
     Header,
+    /// A machine as a model of MuJoCo, XML.
+    Model,
     /// The table of `workspace`, CSV.
     Map,
     /// A plan of measurements, TOML.
@@ -55,6 +57,7 @@ impl fmt::Display for Kind {
             Self::Picture => "a picture",
             Self::Answer => "an answer in JSON",
             Self::Header => "a C header",
+            Self::Model => "a model of a machine",
             Self::Map => "a table of `workspace`",
             Self::Plan => "a plan",
             Self::Table => "a table without rows",
@@ -102,6 +105,7 @@ impl Kind {
             Self::Picture => &["svg"],
             Self::Answer => &["json"],
             Self::Header => &["h"],
+            Self::Model => &["xml"],
             Self::Map | Self::Table => &["csv"],
             Self::Plan | Self::Robot => &["toml"],
             Self::BlackBox => &["jsonl", "json"],
@@ -125,11 +129,12 @@ impl Kind {
         read.is_ok() && (head.is_empty() || self.is_shown_by(&String::from_utf8_lossy(&head)))
     }
 
-    /// Mark in the first bytes of a page or picture.
+    /// Mark in the first bytes of a page, picture or model.
     const fn mark(self) -> &'static str {
         match self {
             Self::Page => "<!-- gantry-tau page -->",
             Self::Sheet => "<!-- gantry-tau sheet -->",
+            Self::Model => "<!-- gantry-tau model -->",
             _ => "<!-- gantry-tau picture -->",
         }
     }
@@ -138,7 +143,7 @@ impl Kind {
     fn is_shown_by(self, head: &str) -> bool {
         let start: String = head.chars().take(MARKED).collect();
         match self {
-            Self::Page | Self::Sheet | Self::Picture => start.contains(self.mark()),
+            Self::Page | Self::Sheet | Self::Picture | Self::Model => start.contains(self.mark()),
             Self::Answer => {
                 start.starts_with('{')
                     && start.contains("\"gantry-tau ")
@@ -167,7 +172,7 @@ impl Kind {
         match self {
             // After the document type: before it browsers do not know the standard.
             Self::Page | Self::Sheet => text.replacen("<html", &format!("{}<html", self.mark()), 1),
-            Self::Picture => format!("{}\n{text}", self.mark()),
+            Self::Picture | Self::Model => format!("{}\n{text}", self.mark()),
             Self::Answer => {
                 let version = env!("CARGO_PKG_VERSION");
                 let written_by = format!("{{\n  \"written_by\": \"gantry-tau {version}\",");

@@ -31,7 +31,7 @@ impl Folder {
 }
 
 /// A text of each kind of which a file is replaced.
-const TEXTS: [(Kind, &str); 9] = [
+const TEXTS: [(Kind, &str); 10] = [
     (
         Kind::Page,
         "<!doctype html><html lang=\"en\"><body>x</body></html>\n",
@@ -49,6 +49,7 @@ const TEXTS: [(Kind, &str); 9] = [
         Kind::Header,
         "/* A machine. Written by `gantry-tau header`. Do not edit. */\n",
     ),
+    (Kind::Model, "<mujoco model=\"l2\"/>\n"),
     (
         Kind::Map,
         "x_m,y_m,z_m,code,condition,compliance_um_per_n\n",

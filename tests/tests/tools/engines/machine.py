@@ -75,10 +75,27 @@ class Machine:
         )
         self.damping = masses.get("damping_ratio", 0.02)
         self.home = np.array(file["simulation"]["home_m"], float)
+        self.metres_per_q = np.array(file["axes"]["metres_per_q"], float)
         if self.is_six:
             self.turn_axis, self.tilt_axis = np.array(file["ax"], float), np.array(file["ax6"], float)
             self.signs = file["sigma4"], file["sigma5"]
             self.plates = np.array(masses["plate_inertia_kgm2"])
+
+    def joint(self, link, axes):
+        """Joint of a link on its cart or plate, and its derivatives by the axes, by rows."""
+        arm, slopes = ARM[link], np.zeros((self.axes, 3))
+        place, lever = self.carts[arm] + self.guideways[arm] * axes[arm], self.levers[link]
+        slopes[arm] = self.guideways[arm]
+        if self.is_six and arm == 1:
+            about = self.signs[0] * self.turn_axis
+            lever = turn(about * axes[3]) @ lever
+            slopes[3] = np.cross(about, lever)
+        if self.is_six and arm == 2:
+            about = self.signs[1] * self.turn_axis
+            turned = turn(about * axes[4])
+            lever = turned @ turn(self.tilt_axis * axes[5]) @ lever
+            slopes[4], slopes[5] = np.cross(about, lever), np.cross(turned @ self.tilt_axis, lever)
+        return (place + lever, slopes)
 
     def ask(self, requests):
         """Answers of `gantry-tau solve`."""

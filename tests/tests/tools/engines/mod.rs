@@ -23,11 +23,33 @@ use crate::capi::tools::has;
 use crate::firmware::program;
 use crate::python_packages::python_with;
 
-/// Name of the trials, script, and what it imports.
-const ENGINES: [(&str, &str, &str); 3] = [
-    ("pinocchio", "of_pinocchio.py", "pinocchio, numpy"),
-    ("mujoco", "of_mujoco.py", "mujoco, numpy"),
-    ("scipy", "of_scipy.py", "scipy, numpy"),
+/// Name of a trial, its script, and what that imports.
+const ENGINES: [(&str, &str, &str); 5] = [
+    (
+        "pinocchio_moves_the_machines_alike",
+        "of_pinocchio.py",
+        "pinocchio, numpy",
+    ),
+    (
+        "mujoco_moves_the_machines_alike",
+        "of_mujoco.py",
+        "mujoco, numpy",
+    ),
+    (
+        "mujoco_moves_exported_machines_alike",
+        "of_mjcf.py",
+        "mujoco, scipy, numpy",
+    ),
+    (
+        "mujoco_is_the_machine_of_a_server",
+        "mujoco_as_machine.py",
+        "mujoco, numpy",
+    ),
+    (
+        "scipy_moves_the_machines_alike",
+        "of_scipy.py",
+        "scipy, numpy",
+    ),
 ];
 /// Implementations of HMAC.
 const TAGS: [&str; 3] = ["hmac", "cryptography", "openssl"];
@@ -35,8 +57,8 @@ const ROBOTS: [&str; 3] = ["l2", "f1", "l2-stiff"];
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
-    let motion = ENGINES.iter().map(|&(engine, script, packages)| {
-        let name = format!("engines::{engine}_moves_the_machines_alike");
+    let motion = ENGINES.iter().map(|&(judged, script, packages)| {
+        let name = format!("engines::{judged}");
         let python = python_with("engines", packages).ok_or(format!("{packages} of PyPI missing"));
         trial(name, python, move |python| judge(python, script))
     });

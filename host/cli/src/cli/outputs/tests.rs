@@ -19,7 +19,7 @@ const FOLDERS: [(&str, &str); 4] = [
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 31] = [
+const COMMANDS: [(&str, &[&str]); 32] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
@@ -47,6 +47,7 @@ const COMMANDS: [(&str, &[&str]); 31] = [
     ("stability", &["--robot", "IN"]),
     ("draw", &["--robot", "IN"]),
     ("header", &["--robot", "IN"]),
+    ("export", &["--robot", "IN"]),
     ("labcomm decode", &["IN"]),
     ("labcomm encode", &["IN"]),
     ("labcomm schema", &["--robot", "IN"]),
