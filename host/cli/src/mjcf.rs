@@ -125,7 +125,6 @@ impl<const N: usize> Model<N> {
             .with("timestep", STEP_S)
             .with_numbers("gravity", &[0.0, 0.0, -gravity])
             .with("integrator", "implicitfast")
-            .with("tolerance", 0)
             .containing([Element::new("flag").with("contact", "disable")]);
         let defaults = Element::new("default").containing([
             Element::new("geom")
