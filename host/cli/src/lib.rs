@@ -9,9 +9,9 @@
 //! | [`compensated_machine`] | a simulated machine and its client without a server |
 //! | [`demo`] | server, simulated machine and client in one process |
 //! | `ethercat` | drives over EtherCAT as the machine of a server (feature `ethercat`, Linux) |
+//! | [`export`] | a robot file as a model of MuJoCo, and for viewers |
 //! | [`faults`] | faults of a network: lost, damaged, late frames |
 //! | [`header`] | a robot file as a C header |
-//! | [`mjcf`] | a robot file as a model of MuJoCo |
 //! | [`monitor`] | what a server publishes, for people |
 //! | [`replay`] | what a black box shows |
 //! | [`solve`] | kinematics, statics and compensation, JSON line by JSON line |
@@ -36,9 +36,9 @@ pub mod compensated_machine;
 pub mod demo;
 #[cfg(all(feature = "ethercat", target_os = "linux"))]
 pub mod ethercat;
+pub mod export;
 pub mod faults;
 pub mod header;
-pub mod mjcf;
 pub mod monitor;
 pub mod replay;
 mod signals;

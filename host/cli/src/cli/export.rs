@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use crate::mjcf::mjcf;
+use crate::export::{mjcf, urdf};
 use crate::terminal::say;
 use clap::Args;
 use gantry_tau_machine::model::MachineKind;
@@ -11,23 +11,28 @@ use gantry_tau_system::output::{Kind, Output};
 
 use super::machine::MachineOption;
 use super::outputs::file;
-use super::{MachineCommand, Outcome};
+use super::{Failure, MachineCommand, Outcome};
 
-/// Write a machine as a model of MuJoCo: carts, plates, links, platform and tool at home, with
-/// springs, masses and damping
+/// Write a machine at home as a model of MuJoCo, or as a description for viewers
 ///
-/// The model is MJCF. Its actuators `axis1` to `axis6` are the springs of the axes: their controls
-/// are where the drives are, m. Force and torque of the site `sensor` are those of the platform on
-/// the tool. Damping is that of the robot file for the lowest mode, and more for those above it;
-/// play, travel and the masses of motors are left out. docs/simulators.md has it as the machine of a
-/// server.
+/// The model has carts, plates, links, platform and tool with springs, masses and damping. Its
+/// actuators `axis1` to `axis6` are the springs of the axes: their controls are where the drives
+/// are, m. Force and torque of the site `sensor` are those of the platform on the tool. Damping is
+/// that of the robot file for the lowest mode, and more for those above it; play, travel and the
+/// masses of motors are left out. docs/simulators.md has it as the machine of a server.
+///
+/// The description is a tree, as URDF must be: carts and plates move, links and platform stay as
+/// they stand at home.
 #[derive(Debug, Args)]
 pub(crate) struct Export {
     #[command(flatten)]
     pub(super) machine: MachineOption,
-    /// Model to be written; an existing one is replaced
-    #[arg(long, value_name = "FILE.xml", default_value = "machine.xml", value_parser = file(Kind::Model))]
-    mjcf: Output,
+    /// Model of MuJoCo to be written
+    #[arg(long, value_name = "FILE.xml", required_unless_present = "urdf", value_parser = file(Kind::Model))]
+    mjcf: Option<Output>,
+    /// Description for viewers to be written
+    #[arg(long, value_name = "FILE.urdf", value_parser = file(Kind::Model))]
+    urdf: Option<Output>,
 }
 
 impl MachineCommand for Export {
@@ -35,12 +40,23 @@ impl MachineCommand for Export {
         self,
         robot: RobotFile<K, N>,
     ) -> Outcome {
-        self.mjcf.write(&mjcf(&robot)?)?;
-        say(format_args!(
-            "{}: written to {}",
-            robot.name,
-            self.mjcf.path().display()
-        ));
+        // Both are made before one is written.
+        let model = self
+            .mjcf
+            .map(|output| Ok::<_, Failure>((output, mjcf(&robot)?)));
+        let description = self.urdf.map(|output| Ok((output, urdf(&robot)?)));
+        let made: Vec<(Output, String)> = model
+            .into_iter()
+            .chain(description)
+            .collect::<Result<_, _>>()?;
+        for (output, text) in made {
+            output.write(&text)?;
+            say(format_args!(
+                "{}: written to {}",
+                robot.name,
+                output.path().display()
+            ));
+        }
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -15,13 +15,20 @@ fn without(text: &str, from: &str, to: &str) -> String {
 fn a_model_has_every_axis_and_link() {
     let folder = Folder::new("export");
     for (robot, axes) in [("l2", 3), ("f1", 6)] {
-        let said = folder.run(&["export", "--robot", robot]).success();
-        assert!(said.ends_with("written to machine.xml\n"), "{said}");
+        let files = ["--mjcf", "machine.xml", "--urdf", "machine.urdf"];
+        let said = folder
+            .run(&[&["export", "--robot", robot], &files[..]].concat())
+            .success();
+        assert!(said.ends_with("written to machine.urdf\n"), "{said}");
         let model = folder.read("machine.xml");
         assert_eq!(model.matches("<position name=\"axis").count(), axes);
         assert_eq!(model.matches("<connect ").count(), 6);
         assert_eq!(model.matches("name=\"link").count(), 12, "body and joint");
-        assert!(!model.contains("NaN") && !model.contains("inf"), "{model}");
+        let description = folder.read("machine.urdf");
+        assert_eq!(description.matches("<joint name=\"axis").count(), axes);
+        for text in [model, description] {
+            assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+        }
     }
 }
 
@@ -47,7 +54,9 @@ fn what_cannot_be_a_model_is_named() {
     ];
     for (text, reason) in cases {
         folder.write("robot.toml", &text);
-        let said = folder.run(&["export", "--robot", "robot.toml"]).failure(1);
+        let said = folder
+            .run(&["export", "--robot", "robot.toml", "--mjcf", "machine.xml"])
+            .failure(1);
         assert!(
             said.contains(&format!("robot.toml: {reason}")),
             "{reason}: {said}"
@@ -59,6 +68,7 @@ fn what_cannot_be_a_model_is_named() {
             .failure(1);
         assert!(said.contains(reason), "{said}");
     }
+    folder.run(&["export", "--robot", "l2"]).failure(2);
     folder.write("notes.xml", "<notes/>\n");
     folder
         .run(&["export", "--robot", "l2", "--mjcf", "notes.xml"])

@@ -18,7 +18,9 @@ const MEASURED: [&str; 3] = [
 ];
 
 /// Extensions that say what a file is.
-const EXTENSIONS: [&str; 8] = ["csv", "h", "html", "json", "jsonl", "svg", "toml", "xml"];
+const EXTENSIONS: [&str; 9] = [
+    "csv", "h", "html", "json", "jsonl", "svg", "toml", "urdf", "xml",
+];
 
 /// Contents of a whole file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +35,7 @@ pub enum Kind {
     Answer,
     /// A machine as a C header.
     Header,
-    /// A machine as a model of MuJoCo, XML.
+    /// A machine for other programs, XML.
     Model,
     /// The table of `workspace`, CSV.
     Map,
@@ -105,7 +107,7 @@ impl Kind {
             Self::Picture => &["svg"],
             Self::Answer => &["json"],
             Self::Header => &["h"],
-            Self::Model => &["xml"],
+            Self::Model => &["xml", "urdf"],
             Self::Map | Self::Table => &["csv"],
             Self::Plan | Self::Robot => &["toml"],
             Self::BlackBox => &["jsonl", "json"],

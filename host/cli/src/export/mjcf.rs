@@ -13,24 +13,18 @@
 //! the robot file; modes above it have more, in proportion to their frequency. Play, travel and the
 //! masses of the motors are left out.
 
-mod element;
-
-use gantry_tau_core::model::f1::Geometry;
-use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, Compliances};
+use gantry_tau_core::model::robot::{ARMS, Compliances};
 use gantry_tau_machine::dynamics::{MassiveMachine, Modes};
 use gantry_tau_machine::elastic::Pose;
-use gantry_tau_machine::elastic::joints::joint;
 use gantry_tau_machine::masses::{GRAVITY_M_PER_S2, Masses, RigidBody};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError};
-use nalgebra::{Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use element::Element;
+use super::at_home::{AtHome, LINKS, Link, Turn};
+use super::xml::Element;
+use super::{CART_M, LINK_RADIUS_M};
 
-/// Names of the links, in link order.
-const LINKS: [&str; 6] = ["11", "21", "22", "31", "32", "33"];
-/// Radius of a link, m: its inertia about itself, and its picture.
-const RADIUS_M: f64 = 0.012;
 /// Step, s. MuJoCo makes no constraint that is faster than two of them.
 const STEP_S: f64 = 1e-4;
 /// Inertia that MuJoCo asks for where nothing turns, kg m^2.
@@ -72,26 +66,26 @@ pub fn mjcf<K: MachineKind<N>, const N: usize>(
     if !robot.wrist.is_empty() {
         return Err(MjcfError::Wrist(name()));
     }
-    let q = robot.home_q()?;
-    let home = Pose {
-        translation_m: robot.home_m(),
+    let at_home = AtHome::of(robot)?;
+    let pose = Pose {
+        translation_m: at_home.tool_m,
         rotation: UnitQuaternion::identity(),
     };
-    let modes = Modes::of(&machine, &home, &q);
+    let modes = Modes::of(&machine, &pose, &at_home.q);
     let lowest = modes.and_then(|modes| modes.rad_per_s.iter().copied().next());
     let lowest_rad_per_s = lowest.ok_or_else(|| MjcfError::NoModes(name()))?;
+    let rotation = Matrix3::from_row_iterator(robot.sensor.rotation.into_iter().flatten());
+    let rotation = Rotation3::from_matrix_unchecked(rotation);
     let model = Model {
         kind: K::MODEL,
-        geometry: robot.model.geometry(),
+        at_home,
         compliances,
         masses,
         metres_per_q: robot.metres_per_q,
         sensor: (
-            Matrix3::from_row_iterator(robot.sensor.rotation.into_iter().flatten()),
+            UnitQuaternion::from_rotation_matrix(&rotation),
             robot.sensor.lever_m,
         ),
-        home_m: home.translation_m,
-        q,
         damping_s: 2.0 * masses.damping_ratio / lowest_rad_per_s,
     };
     Ok(model.whole().to_string())
@@ -100,16 +94,13 @@ pub fn mjcf<K: MachineKind<N>, const N: usize>(
 /// Numbers of a model.
 struct Model<const N: usize> {
     kind: &'static str,
-    geometry: Geometry,
+    at_home: AtHome<N>,
     compliances: Compliances<N>,
     masses: Masses<N>,
     /// Metres of the drives' count per unit of `q`.
     metres_per_q: [f64; N],
     /// Platform axes from sensor axes, and from the tool centre point to the sensor, m.
-    sensor: (Matrix3<f64>, [f64; 3]),
-    home_m: Vector3<f64>,
-    /// Axes at home, q-units.
-    q: [f64; N],
+    sensor: (UnitQuaternion<f64>, [f64; 3]),
     /// Damping of a spring, as a share of its stiffness, s.
     damping_s: f64,
 }
@@ -153,17 +144,14 @@ impl<const N: usize> Model<N> {
             ]),
             Element::new("keyframe").containing([Element::new("key")
                 .with("name", "home")
-                .with_numbers("ctrl", &self.at_home().map(|(_, metres)| metres))]),
+                .with_numbers("ctrl", &self.controls())]),
         ])
     }
 
-    /// Axes at home: `q`, and where their drives are, m.
-    fn at_home(&self) -> [(f64, f64); N] {
-        let mut all = [(0.0, 0.0); N];
-        for ((at, q), metres) in all.iter_mut().zip(self.q).zip(self.metres_per_q) {
-            *at = (q, q * metres);
-        }
-        all
+    /// Places of the drives, m.
+    fn controls(&self) -> Vec<f64> {
+        let axes = self.at_home.q.iter().zip(self.metres_per_q);
+        axes.map(|(q, metres)| q * metres).collect()
     }
 
     /// Springs of the axes, in the metres of the drives' count: `k = 1 / (c m^2)` of a compliance
@@ -175,13 +163,12 @@ impl<const N: usize> Model<N> {
             .iter()
             .zip(self.metres_per_q);
         axes.enumerate().map(|(axis, (compliance, metres))| {
-            let unit = self.geometry.guideways.get(axis).map_or(1.0, Vector3::norm);
+            let guideway = self.at_home.geometry.guideways.get(axis);
             let stiffness = 1.0 / (compliance * metres * metres);
-            let name = format!("axis{}", axis + 1);
             Element::new("position")
-                .with("name", &name)
-                .with("joint", &name)
-                .with_numbers("gear", &[metres / unit])
+                .with("name", name_of(axis))
+                .with("joint", name_of(axis))
+                .with_numbers("gear", &[metres / guideway.map_or(1.0, Vector3::norm)])
                 .with_numbers("kp", &[stiffness])
                 .with_numbers("kv", &[self.damping_s * stiffness])
         })
@@ -189,162 +176,102 @@ impl<const N: usize> Model<N> {
 
     /// A cart, with plate and links.
     fn cart(&self, arm: usize) -> Element {
-        let at = |axis: usize| self.q.get(axis).copied().unwrap_or(0.0);
-        let guideway = self
-            .geometry
-            .guideways
-            .get(arm)
-            .copied()
-            .unwrap_or_default();
-        let start = self.geometry.carts_m.get(arm).copied().unwrap_or_default();
-        let slide = Element::new("joint")
-            .with("name", format!("axis{}", arm + 1))
-            .with("type", "slide")
-            .with_numbers("axis", guideway.normalize().as_slice())
-            .with_numbers("ref", &[at(arm) * guideway.norm()]);
-        let mass = self.masses.carts_kg.get(arm).copied().unwrap_or_default();
+        let guideway = self.at_home.geometry.guideways[arm];
+        let links = self.at_home.links(arm).map(|link| self.link(&link));
+        // The innermost plate carries them.
+        let turns = self.at_home.turns(arm).into_iter().rev();
+        let carried = turns.fold(links.collect(), |inner: Vec<Element>, turn| {
+            vec![self.plate(&turn).containing(inner)]
+        });
         Element::new("body")
             .with("name", format!("cart{}", arm + 1))
-            .with_numbers("pos", (start + guideway * at(arm)).as_slice())
+            .with_numbers("pos", self.at_home.cart_m(arm).as_slice())
             .containing([
-                slide,
-                inertial(mass, &Vector3::zeros(), &diagonal(SOME_KGM2)),
+                Element::new("joint")
+                    .with("name", name_of(arm))
+                    .with("type", "slide")
+                    .with_numbers("axis", guideway.normalize().as_slice())
+                    .with_numbers("ref", &[self.at_home.q[arm] * guideway.norm()]),
+                point(self.masses.carts_kg[arm], SOME_KGM2),
                 Element::new("geom")
                     .with("type", "box")
-                    .with_numbers("size", &[3.0 * RADIUS_M; 3]),
+                    .with_numbers("size", &[CART_M; 3]),
             ])
-            .containing(self.on_cart(arm))
+            .containing(carried)
     }
 
-    /// Links of a cart, on its plate if that turns.
-    fn on_cart(&self, arm: usize) -> Vec<Element> {
-        let turn = Unit::new_normalize(self.geometry.turn_axis);
-        let tilt = Unit::new_normalize(self.geometry.tilt_axis);
-        let [q4, q5] = self.geometry.turn_signs.map(|sign| sign.sign());
-        let turns = match arm {
-            1 if N > ARMS => vec![(3, turn, q4)],
-            2 if N > ARMS => vec![(4, turn, q5), (5, tilt, 1.0)],
-            _ => Vec::new(),
-        };
-        let angles = turns.iter().map(|(axis, about, sign)| {
-            let q = self.q.get(*axis).copied().unwrap_or_default();
-            Rotation3::from_axis_angle(about, sign * q)
-        });
-        let rotation = angles.fold(Rotation3::identity(), |all, turn| all * turn);
-        let links = LINKS.iter().zip(ARM_OF_LINK).enumerate();
-        let own = links.filter(|(_, (_, of))| *of == arm);
-        let hung: Vec<Element> = own.map(|(link, _)| self.link(link, &rotation)).collect();
-        // The innermost plate carries the links.
-        turns
-            .into_iter()
-            .rev()
-            .fold(hung, |inner, (axis, about, sign)| {
-                vec![self.plate(axis, about, sign).containing(inner)]
-            })
-    }
-
-    /// A plate that an axis turns.
-    fn plate(&self, axis: usize, about: Unit<Vector3<f64>>, sign: f64) -> Element {
-        let q = self.q.get(axis).copied().unwrap_or_default();
-        let inertia = self.masses.plates_kgm2.get(axis - ARMS).copied();
-        let turned = UnitQuaternion::from_axis_angle(&about, sign * q);
+    /// A plate as one axis turns it.
+    fn plate(&self, turn: &Turn) -> Element {
         Element::new("body")
-            .with("name", format!("plate{}", axis + 1))
-            .with_numbers("quat", &quaternion(&turned))
+            .with("name", format!("plate{}", turn.axis + 1))
+            .with_numbers("quat", &quaternion(&turn.rotation()))
             .containing([
                 Element::new("joint")
-                    .with("name", format!("axis{}", axis + 1))
+                    .with("name", name_of(turn.axis))
                     .with("type", "hinge")
-                    .with_numbers("axis", (about.into_inner() * sign).as_slice())
-                    .with_numbers("ref", &[q])
-                    .with_numbers("armature", &[inertia.unwrap_or_default()]),
+                    .with_numbers("axis", turn.about.as_slice())
+                    .with_numbers("ref", &[turn.q])
+                    .with_numbers("armature", &[self.masses.plates_kgm2[turn.axis - ARMS]]),
                 // What it weighs belongs to its cart.
-                inertial(SOME_KGM2, &Vector3::zeros(), &diagonal(SOME_KGM2)),
+                point(SOME_KGM2, SOME_KGM2),
             ])
     }
 
-    /// A link on a cart, or on a plate that is turned by `plate`: its z axis points to the platform.
-    fn link(&self, index: usize, plate: &Rotation3<f64>) -> Element {
-        let name = LINKS.get(index).copied().unwrap_or_default();
-        let of = |all: &[f64]| all.get(index).copied().unwrap_or_default();
-        let length = of(&self.geometry.lengths_m);
-        let mass = of(&self.masses.links_kg);
-        let stiffness = 1.0 / of(self.compliances.link_m_per_n());
-        let lever = self
-            .geometry
-            .plate_joints_m
-            .get(index)
-            .copied()
-            .unwrap_or_default();
-        let end = self
-            .geometry
-            .platform_joints_m
-            .get(index)
-            .copied()
-            .unwrap_or_default();
-        let along = self.home_m + end - joint(&self.geometry, index, &self.q).place_m;
-        let turned = UnitQuaternion::rotation_between(&Vector3::z(), &(plate.inverse() * along))
-            .unwrap_or_else(|| {
-                UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
-            });
-        let spin = diagonal(mass * RADIUS_M * RADIUS_M / 6.0);
-        let part = |part: &str, share: f64, sixths: f64| {
-            let slide = Element::new("joint")
-                .with("name", format!("{part}{name}"))
-                .with("type", "slide")
-                .with_numbers("axis", &[0.0, 0.0, 1.0]);
-            let slide = if share < 1.0 {
-                slide
-            } else {
-                slide
-                    .with_numbers("stiffness", &[stiffness])
-                    .with_numbers("damping", &[self.damping_s * stiffness])
-            };
+    /// A link: a sixth of it at its joint, the rest along its z axis.
+    fn link(&self, link: &Link) -> Element {
+        let sixth_kg = self.masses.links_kg[link.index] / 6.0;
+        let spin_kgm2 = sixth_kg * LINK_RADIUS_M * LINK_RADIUS_M;
+        let stiffness = 1.0 / self.compliances.link_m_per_n()[link.index];
+        let part = |part: &str, share: f64, sixths: f64, slide: Element| {
+            let name = format!("{part}{}", link.name);
             Element::new("body")
-                .with("name", format!("{part}{name}"))
-                .with_numbers("pos", &[0.0, 0.0, share * length])
+                .with("name", &name)
+                .with_numbers("pos", &[0.0, 0.0, share * link.length_m])
                 .containing([
-                    slide,
-                    inertial(sixths * mass / 6.0, &Vector3::zeros(), &spin),
-                    Element::new("site").with("name", format!("{part}{name}")),
+                    slide
+                        .with("name", &name)
+                        .with("type", "slide")
+                        .with_numbers("axis", &[0.0, 0.0, 1.0]),
+                    point(sixths * sixth_kg, spin_kgm2),
+                    Element::new("site").with("name", &name),
                 ])
         };
+        let spring = Element::new("joint")
+            .with_numbers("stiffness", &[stiffness])
+            .with_numbers("damping", &[self.damping_s * stiffness]);
+        let name = format!("link{}", link.name);
         Element::new("body")
-            .with("name", format!("link{name}"))
-            .with_numbers("pos", lever.as_slice())
-            .with_numbers("quat", &quaternion(&turned))
+            .with("name", &name)
+            .with_numbers("pos", link.joint_m.as_slice())
+            .with_numbers("quat", &quaternion(&link.rotation))
             .containing([
                 Element::new("joint")
-                    .with("name", format!("link{name}"))
+                    .with("name", &name)
                     .with("type", "ball"),
-                inertial(mass / 6.0, &Vector3::zeros(), &spin),
-                rod(&[0.0, 0.0, 0.0], &[0.0, 0.0, length]),
-                part("middle", 0.5, 4.0),
-                part("end", 1.0, 1.0),
+                point(sixth_kg, spin_kgm2),
+                rod(&[0.0, 0.0, link.length_m]),
+                part("middle", 0.5, 4.0, Element::new("joint")),
+                part("end", 1.0, 1.0, spring),
             ])
     }
 
     fn platform(&self) -> Element {
         let (rotation, lever_m) = &self.sensor;
-        let rotation = Rotation3::from_matrix_unchecked(*rotation);
         let sensor = Element::new("site")
             .with("name", "sensor")
             .with_numbers("pos", lever_m)
-            .with_numbers(
-                "quat",
-                &quaternion(&UnitQuaternion::from_rotation_matrix(&rotation)),
-            );
-        let joints = LINKS.iter().zip(self.geometry.platform_joints_m);
+            .with_numbers("quat", &quaternion(rotation));
+        let joints = LINKS.iter().zip(self.at_home.geometry.platform_joints_m);
         let held = joints.flat_map(|(name, place)| {
             let site = Element::new("site").with("name", format!("on_platform{name}"));
             [
                 site.with_numbers("pos", place.as_slice()),
-                rod(&[0.0, 0.0, 0.0], place.as_slice()),
+                rod(place.as_slice()),
             ]
         });
         Element::new("body")
             .with("name", "platform")
-            .with_numbers("pos", self.home_m.as_slice())
+            .with_numbers("pos", self.at_home.tool_m.as_slice())
             .containing([
                 Element::new("freejoint").with("name", "platform"),
                 of_body(&self.masses.platform),
@@ -371,27 +298,33 @@ fn held(name: &&str) -> [Element; 2] {
     ]
 }
 
-fn rod(from: &[f64], to: &[f64]) -> Element {
+/// Name of an axis, of its joint and its actuator.
+fn name_of(axis: usize) -> String {
+    format!("axis{}", axis + 1)
+}
+
+/// Picture of a rod from the origin of a body.
+fn rod(to: &[f64]) -> Element {
     Element::new("geom")
         .with("type", "capsule")
-        .with_numbers("fromto", &[from, to].concat())
-        .with_numbers("size", &[RADIUS_M])
+        .with_numbers("fromto", &[&[0.0; 3], to].concat())
+        .with_numbers("size", &[LINK_RADIUS_M])
 }
 
 fn of_body(body: &RigidBody) -> Element {
-    inertial(body.mass_kg, &body.centre_m, &body.inertia_kgm2)
-}
-
-fn inertial(mass_kg: f64, centre_m: &Vector3<f64>, inertia_kgm2: &Matrix3<f64>) -> Element {
-    let i = inertia_kgm2;
+    let i = body.inertia_kgm2;
     Element::new("inertial")
-        .with_numbers("pos", centre_m.as_slice())
-        .with_numbers("mass", &[mass_kg])
+        .with_numbers("pos", body.centre_m.as_slice())
+        .with_numbers("mass", &[body.mass_kg])
         .with_numbers("fullinertia", &[i.m11, i.m22, i.m33, i.m12, i.m13, i.m23])
 }
 
-fn diagonal(value: f64) -> Matrix3<f64> {
-    Matrix3::from_diagonal_element(value)
+/// A mass at the origin of a body.
+fn point(mass_kg: f64, inertia_kgm2: f64) -> Element {
+    Element::new("inertial")
+        .with_numbers("pos", &[0.0; 3])
+        .with_numbers("mass", &[mass_kg])
+        .with_numbers("diaginertia", &[inertia_kgm2; 3])
 }
 
 /// Real part first.
