@@ -24,10 +24,15 @@ use crate::firmware::program;
 use crate::python_packages::python_with;
 
 /// Name of a trial, its script, and what that imports.
-const ENGINES: [(&str, &str, &str); 5] = [
+const ENGINES: [(&str, &str, &str); 6] = [
     (
         "pinocchio_moves_the_machines_alike",
         "of_pinocchio.py",
+        "pinocchio, numpy",
+    ),
+    (
+        "pinocchio_reads_descriptions",
+        "of_urdf.py",
         "pinocchio, numpy",
     ),
     (
