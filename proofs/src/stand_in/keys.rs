@@ -75,9 +75,7 @@ pub fn tag(key: &MacKey, bytes: &[u8], context: &[u8]) -> Tag {
 /// Cookie: an unknown function of an unknown byte of address and nonce, of epoch and window.
 fn cookie(peer: &[u8; 18], nonce: &Nonce, next: Epoch, window: u64) -> Cookie {
     let place = BYTE.load(Ordering::Relaxed);
-    // No remainder of 18: four dividers would have to be compared.
-    let of_peer = peer.get(place & 31).copied().unwrap_or(0);
-    let bytes = u16::from_le_bytes([of_peer, nonce[place & 15]]);
+    let bytes = u16::from_le_bytes([peer[place % 18], nonce[place % 16]]);
     let all = u128::from(window) << 64 | u128::from(next.0.rotate_left(32) ^ u64::from(bytes));
     let salt = u128::from(SALT.load(Ordering::Relaxed));
     (all ^ salt).to_le_bytes()
