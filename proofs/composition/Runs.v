@@ -1009,7 +1009,7 @@ Definition events_of (arrivals : list (nat * Arrival)) :=
 Definition is_forged arrival :=
   match arrival with OverDatagrams door bytes => is_authentic door bytes = false | Otherwise _ => False end.
 
-(** Outside Listening, datagrams at the owner's connection without the tag of the session's key decide
+(** Outside Listening, datagrams at the owner's connection that are not authentic at its door decide
     nothing, beside any events of others: the tick is as if nothing had arrived. *)
 Theorem T27_forgeries_decide_nothing : N = 3%nat -> forall c w input arrivals,
   run c w -> phase (discrete (settled c w input)) <> Listening -> events input = events_of arrivals ->

@@ -19,8 +19,9 @@ use crate::properties::keys::{self, Door, Greeter};
 use crate::properties::session::StepInput;
 use crate::stand_in;
 
-/// Bytes of the longest frame of a client of one axis, and of three, but a Hello.
+/// Bytes of the longest frame of a client of one axis, but a Hello.
 const LONGEST: usize = whole(Command::<1>::LENGTH);
+/// The same of three axes.
 const LONGEST_OF_THREE: usize = whole(Command::<3>::LENGTH);
 /// Bytes of a Hello.
 const HELLO: usize = HEADER_LEN + KeyedHello::LENGTH + TAG_LEN;
@@ -226,16 +227,16 @@ fn check_client<const N: usize>(guard: Guard, suite: Suite) {
 }
 
 harnesses! {
-    slot_forgery_is_nothing [cadical, unwind 89, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::wire::decode_client, any_message)] { check_forgery::<3>(); }
-    slot_forgery_of_goodbye_is_nothing [cadical, unwind 33, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::wire::decode_client, any_message)] { check_forgery_of::<1>(&framed::<{ whole(Epoch::LENGTH) }>(Kind::Goodbye)); }
-    slot_replay_is_nothing [cadical, unwind 17, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::wire::decode_client, any_message)] {
+    slot_forgery_is_nothing [minisat, unwind 89, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::wire::decode_client, any_message)] { check_forgery::<3>(); }
+    slot_forgery_of_goodbye_is_nothing [minisat, unwind 33, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::wire::decode_client, any_message)] { check_forgery_of::<1>(&framed::<{ whole(Epoch::LENGTH) }>(Kind::Goodbye)); }
+    slot_replay_is_nothing [minisat, unwind 17, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::wire::decode_client, any_message)] {
         let (keyring, session) = (no_keys(), kani::any());
         let door = any_door::<1>(&keyring, &session, Transport::Datagram, kani::any());
         let bytes: [u8; LONGEST] = kani::any();
         let was_heard = keys::replay_is_nothing(&door, &bytes[..any_length(LONGEST)]);
         kani::cover!(was_heard, "a frame is heard once");
     }
-    session_unauthentic_is_counted [cadical, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] {
+    session_unauthentic_is_counted [minisat, unwind 14, stub(gantry_tau_core::verification::control::nominal_stepped, crate::stand_in::nominal_stepped), stub(gantry_tau_core::verification::control::nominal_accelerated, crate::stand_in::nominal_accelerated), stub(gantry_tau_core::verification::control::decide, crate::stand_in::decide), stub(gantry_tau_core::verification::control::Axis::act, crate::stand_in::act)] {
         stand_in::choose_bit(kani::any());
         stand_in::choose_argument(kani::any(), kani::any());
         let input: StepInput<1> = StepInput {
@@ -249,7 +250,7 @@ harnesses! {
         keys::unauthentic_is_counted(&input, frames);
         kani::cover!(frames > 0, "some frames are not authentic");
     }
-    greeting_is_judged [cadical, unwind 51, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::keys::Keyring::cookie_of_window, crate::stand_in::cookie_of_keyring), stub(crate::properties::keys::cookie, crate::stand_in::cookie_of_definition)] {
+    greeting_is_judged [minisat, unwind 51, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::keys::Keyring::cookie_of_window, crate::stand_in::cookie_of_keyring), stub(crate::properties::keys::cookie, crate::stand_in::cookie_of_definition)] {
         check_greeting::<1>(|greeter, bytes| {
             let greeting = keys::greeting_is_judged(greeter, bytes);
             kani::cover!(matches!(greeting, Some(Greeting::Proven(_))), "some are proven");
@@ -258,41 +259,41 @@ harnesses! {
             kani::cover!(matches!(greeting, Some(Greeting::Silence)), "some are not answered");
         });
     }
-    greeting_answer_is_shorter [cadical, unwind 51, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::keys::Keyring::cookie_of_window, crate::stand_in::cookie_of_keyring), stub(crate::properties::keys::cookie, crate::stand_in::cookie_of_definition), stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
+    greeting_answer_is_shorter [minisat, unwind 51, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::control::keys::Keyring::cookie_of_window, crate::stand_in::cookie_of_keyring), stub(crate::properties::keys::cookie, crate::stand_in::cookie_of_definition), stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
         stand_in::choose_checksum(kani::any(), kani::any());
         check_greeting::<1>(keys::greeting_answer_is_shorter);
     }
-    mac_input_of_cookie_is_injective [cadical, unwind 51, stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key)] {
+    mac_input_of_cookie_is_injective [minisat, unwind 51, stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key)] {
         stand_in::choose_tag(kani::any());
         keys::mac_input_of_cookie_is_injective(&kani::any(), (&kani::any(), &kani::any()), kani::any(), kani::any());
     }
-    mac_input_of_session_key_is_injective [cadical, unwind 74, stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key)] {
+    mac_input_of_session_key_is_injective [minisat, unwind 74, stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key)] {
         stand_in::choose_tag(kani::any());
         keys::mac_input_of_session_key_is_injective(&kani::any(), &kani::any());
     }
-    mac_input_of_frame_is_injective [cadical, unwind 17, stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
+    mac_input_of_frame_is_injective [minisat, unwind 17, stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
         stand_in::choose_checksum(kani::any(), kani::any());
         check_input::<{ Epoch::LENGTH }, { HEADER_LEN + Epoch::LENGTH }, 0, { HEADER_LEN + Epoch::LENGTH }>();
         check_input::<{ Challenge::LENGTH }, { HEADER_LEN + Challenge::LENGTH }, 16, { HEADER_LEN + Challenge::LENGTH + 16 }>();
     }
-    tag_comparison_is_exact [cadical, unwind 17] { keys::tag_comparison_is_exact(&kani::any(), &kani::any()); }
-    suite_is_kept [cadical, unwind 25] {
+    tag_comparison_is_exact [minisat, unwind 17] { keys::tag_comparison_is_exact(&kani::any(), &kani::any()); }
+    suite_is_kept [minisat, unwind 25] {
         let bytes: [u8; 24] = kani::any();
         let is_frame = keys::suite_is_kept(&bytes[..any_length(24)], kani::any());
         kani::cover!(is_frame, "the shortest frame");
     }
-    sent_suite_is_kept [cadical, unwind 17, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
+    sent_suite_is_kept [minisat, unwind 17, stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key), stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum)] {
         stand_in::choose_checksum(kani::any(), kani::any());
         let keyring = any_keyring();
         let hello: Option<KeyedHello> = kani::any();
         keys::sent_suite_is_kept::<1>(&any_gate(&keyring), hello.as_ref(), &kani::any(), (kani::any(), kani::any()));
         kani::cover!(hello.is_some_and(|hello| keyring.get(hello.key).is_some()), "a Hello of a known key");
     }
-    client_suite_is_kept [cadical, unwind 49, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum), stub(gantry_tau_core::control::wire::decode_server, any_answer)] {
+    client_suite_is_kept [minisat, unwind 49, stub(gantry_tau_core::verification::control::checksum, crate::stand_in::checksum), stub(gantry_tau_core::control::wire::decode_server, any_answer)] {
         stand_in::choose_checksum(kani::any(), kani::any());
         check_client::<1>(Guard::Checksum, Suite::Checksum);
     }
-    client_suite_with_a_key_is_kept [cadical, unwind 49, stub(gantry_tau_core::control::wire::decode_server, any_answer), stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key)] {
+    client_suite_with_a_key_is_kept [minisat, unwind 49, stub(gantry_tau_core::control::wire::decode_server, any_answer), stub(gantry_tau_core::control::keys::tag, crate::stand_in::tag), stub(gantry_tau_core::control::keys::MacKey::mac, crate::stand_in::mac), stub(gantry_tau_core::control::keys::MacKey::new, crate::stand_in::new_key)] {
         stand_in::choose_tag(kani::any());
         check_client::<1>(Guard::Tag(kani::any::<Keyed>()), Suite::Tag);
     }
