@@ -1,6 +1,6 @@
 //! The parts of a machine in world coordinates.
 
-use gantry_tau_core::model::robot::ARM_OF_LINK;
+use gantry_tau_core::model::robot::{ARM_OF_LINK, LINKS};
 use nalgebra::Vector3;
 
 use crate::elastic::joints::joint;
@@ -8,7 +8,7 @@ use crate::model::MachineKind;
 use crate::robot_file::{RobotFile, RobotFileError};
 
 /// Names of the links, in link order.
-const LINK_NAMES: [&str; 6] = ["11", "21", "22", "31", "32", "33"];
+pub const LINK_NAMES: [&str; LINKS] = ["11", "21", "22", "31", "32", "33"];
 /// Length of guideway that is drawn to either side of a cart, as a share of the longest link.
 const RAIL_SHARE: f64 = 0.6;
 /// Length of guideway beyond a cart that is away from home, as a share of what is drawn at home.

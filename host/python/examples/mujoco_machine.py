@@ -11,30 +11,26 @@ Its drives are where their references are; springs, links and platform swing. Pr
 import mujoco
 import numpy as np
 
-from simulator import options, serve
+import simulator
 
-# The tool hangs still below this speed, m/s; at the start its weight sets it in motion.
-REST = 1e-5
+# The tool hangs still below this speed, m/s; at the start its weight sets it in motion. It swings for at most so long, s.
+REST, LONGEST = 1e-5, 20.0
 
 
-class Machine:
-    """Three or six axes that stay at home. Every call returns the fields of its answer."""
+class Machine(simulator.Machine):
+    """Three or six axes that stay at home, with masses and springs."""
 
     def __init__(self, path, pull_n):
+        super().__init__(pull_n)
         self.model = mujoco.MjModel.from_xml_path(path)
         self.data = mujoco.MjData(self.model)
-        self.axes = None
-        self.ticks = 0
-        self.pull_n = pull_n
-        self.force_n = 0.0
 
     def start(self, home_mm, cycle_us, axis_of_motor, **_):
-        if self.axes is None:  # a server that comes back finds the machine as it left it
+        is_new = self.axes is None
+        super().start(home_mm)
+        if is_new:
             if len(home_mm) != self.model.nu:
                 raise SystemExit(f"the server's machine has {len(home_mm)} axes, that of the model {self.model.nu}")
-            still = [0] * len(home_mm)
-            self.axes = {"nominal_mm": home_mm, "offset_um": still, "velocity_mm_s": still, "torque_permille": still}
-            self.home_mm = home_mm
             # The control of an actuator is where its drive is, m.
             self.motor_of_axis = [axis_of_motor.index(axis) for axis in range(len(home_mm))]
             self.steps_per_cycle = round(cycle_us * 1e-6 / self.model.opt.timestep)
@@ -46,7 +42,7 @@ class Machine:
 
     def settle(self):
         self.step(1000)
-        while np.linalg.norm(self.data.joint("platform").qvel) > REST:
+        while np.linalg.norm(self.data.joint("platform").qvel) > REST and self.data.time < LONGEST:
             self.step(1000)
 
     def step(self, steps):
@@ -56,9 +52,6 @@ class Machine:
             lever = self.data.site("tool").xpos - self.data.xipos[tool]
             self.data.xfrc_applied[tool] = np.concatenate([force, np.cross(lever, force)])
             mujoco.mj_step(self.model, self.data)
-
-    def in_force(self):
-        return {"axes": self.axes}
 
     def read(self, elapsed):
         self.ticks += elapsed
@@ -83,15 +76,9 @@ class Machine:
             print(f"{self.ticks / 1000:.0f} s: force {self.force_n} N, offsets {axes['offset_um']} um, tool moved by [{moved}] um", flush=True)
         return {}
 
-    def reset(self):
-        return {}
-
-    def pull(self):
-        self.force_n = self.pull_n - self.force_n
-
 
 if __name__ == "__main__":
-    parser = options(__doc__.splitlines()[0])
+    parser = simulator.options(__doc__.splitlines()[0])
     parser.add_argument("model", help="file of `gantry-tau export --mjcf`")
     given = parser.parse_args()
-    serve(Machine(given.model, given.force), given.port)
+    simulator.serve(Machine(given.model, given.force), given.port)

@@ -7,11 +7,11 @@ use crate::terminal::say;
 use clap::Args;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
-use gantry_tau_system::output::{Kind, Output};
+use gantry_tau_system::output::{Kind, Output, write_all};
 
 use super::machine::MachineOption;
 use super::outputs::file;
-use super::{Failure, MachineCommand, Outcome};
+use super::{MachineCommand, Outcome};
 
 /// Write a machine at home as a model of MuJoCo, or as a description for viewers
 ///
@@ -40,22 +40,18 @@ impl MachineCommand for Export {
         self,
         robot: RobotFile<K, N>,
     ) -> Outcome {
-        // Both are made before one is written.
-        let model = self
-            .mjcf
-            .map(|output| Ok::<_, Failure>((output, mjcf(&robot)?)));
-        let description = self.urdf.map(|output| Ok((output, urdf(&robot)?)));
-        let made: Vec<(Output, String)> = model
-            .into_iter()
-            .chain(description)
-            .collect::<Result<_, _>>()?;
-        for (output, text) in made {
-            output.write(&text)?;
-            say(format_args!(
-                "{}: written to {}",
-                robot.name,
-                output.path().display()
-            ));
+        let mut made = Vec::new();
+        if let Some(output) = &self.mjcf {
+            made.push((output, mjcf(&robot)?));
+        }
+        if let Some(output) = &self.urdf {
+            made.push((output, urdf(&robot)?));
+        }
+        let files = made.iter().map(|(output, text)| (*output, text.as_str()));
+        write_all(&files.collect::<Vec<_>>())?;
+        for (output, _) in made {
+            let path = output.path().display();
+            say(format_args!("{}: written to {path}", robot.name));
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -3,14 +3,13 @@
 use std::f64::consts::PI;
 
 use gantry_tau_core::model::f1::Geometry;
-use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS};
+use gantry_tau_core::model::robot::{ARM_OF_LINK, ARMS, LINKS};
 use gantry_tau_machine::elastic::joints::joint;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError};
+use gantry_tau_machine::scene::LINK_NAMES;
 use nalgebra::{Rotation3, Unit, UnitQuaternion, Vector3};
 
-/// Names of the links, in link order.
-pub(super) const LINKS: [&str; 6] = ["11", "21", "22", "31", "32", "33"];
 /// Index of `q_4`.
 const Q4: usize = ARMS;
 
@@ -94,14 +93,14 @@ impl<const N: usize> AtHome<N> {
         let plate = turns.iter().fold(UnitQuaternion::identity(), |all, turn| {
             all * turn.rotation()
         });
-        let own = (0..LINKS.len()).filter(move |link| ARM_OF_LINK[*link] == arm);
+        let own = (0..LINKS).filter(move |link| ARM_OF_LINK[*link] == arm);
         own.map(move |index| {
             let end_m = self.tool_m + self.geometry.platform_joints_m[index];
             let along = plate.inverse() * (end_m - joint(&self.geometry, index, &self.q).place_m);
             let opposite = || Rotation3::from_axis_angle(&Vector3::x_axis(), PI).into();
             Link {
                 index,
-                name: LINKS[index],
+                name: LINK_NAMES[index],
                 joint_m: self.geometry.plate_joints_m[index],
                 rotation: UnitQuaternion::rotation_between(&Vector3::z(), &along)
                     .unwrap_or_else(opposite),

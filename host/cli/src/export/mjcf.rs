@@ -19,9 +19,10 @@ use gantry_tau_machine::elastic::Pose;
 use gantry_tau_machine::masses::{GRAVITY_M_PER_S2, Masses, RigidBody};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError};
+use gantry_tau_machine::scene::LINK_NAMES;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::at_home::{AtHome, LINKS, Link, Turn};
+use super::at_home::{AtHome, Link, Turn};
 use super::xml::Element;
 use super::{CART_M, LINK_RADIUS_M};
 
@@ -132,7 +133,7 @@ impl<const N: usize> Model<N> {
             option,
             defaults,
             Element::new("worldbody").containing(bodies),
-            Element::new("equality").containing(LINKS.iter().flat_map(held)),
+            Element::new("equality").containing(LINK_NAMES.iter().flat_map(held)),
             Element::new("actuator").containing(self.drives()),
             Element::new("sensor").containing([
                 Element::new("force")
@@ -261,7 +262,9 @@ impl<const N: usize> Model<N> {
             .with("name", "sensor")
             .with_numbers("pos", lever_m)
             .with_numbers("quat", &quaternion(rotation));
-        let joints = LINKS.iter().zip(self.at_home.geometry.platform_joints_m);
+        let joints = LINK_NAMES
+            .iter()
+            .zip(self.at_home.geometry.platform_joints_m);
         let held = joints.flat_map(|(name, place)| {
             let site = Element::new("site").with("name", format!("on_platform{name}"));
             [

@@ -8,7 +8,7 @@ use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{RobotFile, RobotFileError};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::at_home::{AtHome, LINKS};
+use super::at_home::AtHome;
 use super::xml::Element;
 use super::{CART_M, LINK_RADIUS_M};
 
@@ -85,8 +85,8 @@ impl Tree {
     }
 
     fn add_platform<const N: usize>(&mut self, at_home: &AtHome<N>) {
-        let joints = LINKS.iter().zip(&at_home.geometry.platform_joints_m);
-        self.add_link("platform", joints.map(|(_, place)| rod(place)).collect());
+        let joints_m = &at_home.geometry.platform_joints_m;
+        self.add_link("platform", joints_m.iter().map(rod).collect());
         let unturned = UnitQuaternion::identity();
         self.add_fixed([WORLD, "platform"], &at_home.tool_m, &unturned);
     }

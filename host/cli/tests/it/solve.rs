@@ -41,6 +41,57 @@ fn solve(folder: &Folder, request: &Value) -> Value {
     serde_json::from_str(said.success().trim()).unwrap()
 }
 
+/// Found by another engine: the comment of the L2 had the displacement by the links alone.
+#[test]
+fn built_in_files_say_what_is_solved() {
+    let folder = Folder::new("solve_comments");
+    let cases = [
+        (
+            "l2",
+            json!([0.0, 0.5, 0.65]),
+            1e6,
+            0,
+            include_str!("../../../../robots/l2.toml"),
+        ),
+        (
+            "f1",
+            json!([0.1, 0.0, 0.3]),
+            1e3,
+            2,
+            include_str!("../../../../robots/f1.toml"),
+        ),
+    ];
+    for (robot, home, scale, digits, text) in cases {
+        let ask = |op: &str| {
+            let load = [300.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+            let request = json!({"id": 1, "robot": robot, "op": op, "T": home, "w": load});
+            solve(&folder, &request)["ok"].clone()
+        };
+        let listed = |numbers: Vec<f64>| {
+            let all = numbers
+                .iter()
+                .map(|number| format!("{:.digits$}", number * scale));
+            format!("({})", all.collect::<Vec<_>>().join(", "))
+        };
+        let first_three = |value: &Value| -> Vec<f64> {
+            let all = value.as_array().unwrap().iter().take(3);
+            all.map(|number| number.as_f64().unwrap()).collect()
+        };
+        let moved = listed(first_three(&ask("deflection")["dx_total"]));
+        let [nominal, corrected] = ["ik", "compensate"].map(|op| first_three(&ask(op)["q"]));
+        let offsets = corrected
+            .iter()
+            .zip(&nominal)
+            .map(|(there, here)| there - here);
+        let offsets = listed(offsets.collect());
+        assert!(
+            text.contains(&format!("moves the tool by {moved}")),
+            "{robot}: {moved}"
+        );
+        assert!(text.contains(&offsets), "{robot}: {offsets}");
+    }
+}
+
 /// There and back through the file of the six-axis machine.
 #[test]
 fn six_axes_are_solved_from_their_file() {

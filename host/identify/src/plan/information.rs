@@ -8,17 +8,13 @@ use gantry_tau_machine::elastic::springs::Springs;
 use gantry_tau_machine::elastic::{ElasticError, ElasticMachine, Equilibrium, Pose};
 use gantry_tau_machine::model::{MachineKind, Wrist};
 use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_machine::scene::LINK_NAMES;
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3, Vector6};
 
 use super::expected::Parameters;
 use crate::fit::least_squares::Rows;
 use crate::measurements::springs::Noise;
 use crate::springs::blocks::{covariance, whitening};
-
-/// Names of the links, in link order.
-const LINK_NAMES: [&str; LINKS] = [
-    "link 11", "link 21", "link 22", "link 31", "link 32", "link 33",
-];
 
 /// The machine, of which each strap shows something: rigid joints, the file's compliances.
 #[derive(Clone, Debug)]
@@ -103,7 +99,7 @@ impl<const N: usize> SpringInformation<N> {
         });
         let wrist = (0..self.wrist.joints()).map(|joint| format!("wrist {}", joint + 1));
         let all = LINK_NAMES
-            .map(str::to_owned)
+            .map(|name| format!("link {name}"))
             .into_iter()
             .chain(axes)
             .chain(wrist);

@@ -12,6 +12,7 @@ import numpy as np
 GRAVITY = 9.80665
 # Arm of each link, from 0.
 ARM = [0, 1, 1, 2, 2, 2]
+LINKS = ["11", "21", "22", "31", "32", "33"]
 
 
 @dataclass
@@ -61,6 +62,7 @@ class Machine:
         self.lengths = lengths[ARM] if len(lengths) == 3 else lengths
         self.c_link, self.c_axis = np.array(file["c_link"]), np.array(file["c_act" if self.is_six else "c_cart"])
         masses = file["masses"]
+        self.travel_m = np.array(file["axes"]["machine_travel_m"], float)
         self.rods, self.cart_kg = np.array(masses["link_kg"]), np.array(masses["cart_kg"])
         self.platform = Body(
             masses["platform_kg"],
@@ -82,20 +84,18 @@ class Machine:
             self.plates = np.array(masses["plate_inertia_kgm2"])
 
     def joint(self, link, axes):
-        """Joint of a link on its cart or plate, and its derivatives by the axes, by rows."""
-        arm, slopes = ARM[link], np.zeros((self.axes, 3))
-        place, lever = self.carts[arm] + self.guideways[arm] * axes[arm], self.levers[link]
-        slopes[arm] = self.guideways[arm]
-        if self.is_six and arm == 1:
-            about = self.signs[0] * self.turn_axis
-            lever = turn(about * axes[3]) @ lever
-            slopes[3] = np.cross(about, lever)
-        if self.is_six and arm == 2:
-            about = self.signs[1] * self.turn_axis
-            turned = turn(about * axes[4])
-            lever = turned @ turn(self.tilt_axis * axes[5]) @ lever
-            slopes[4], slopes[5] = np.cross(about, lever), np.cross(turned @ self.tilt_axis, lever)
-        return (place + lever, slopes)
+        """Joint on a cart or plate, and its slopes (3 x axes)."""
+        arm, slopes = ARM[link], np.zeros((3, self.axes))
+        slopes[:, arm] = self.guideways[arm]
+        lever = self.levers[link]
+        if self.is_six and arm > 0:
+            about_axes = [(3, self.signs[0] * self.turn_axis)] if arm == 1 else [(5, self.tilt_axis), (4, self.signs[1] * self.turn_axis)]
+            for axis, direction in about_axes:
+                turned = turn(direction * axes[axis])
+                slopes[:, 3:] = turned @ slopes[:, 3:]
+                lever = turned @ lever
+                slopes[:, axis] = np.cross(direction, lever)
+        return self.carts[arm] + self.guideways[arm] * axes[arm] + lever, slopes
 
     def ask(self, requests):
         """Answers of `gantry-tau solve`."""

@@ -19,6 +19,8 @@ import numpy as np
 from machine import Machine, Worst
 
 FORCE = 300.0
+# Longest time for all of it, s.
+PATIENCE = 240
 # Change of the tool's place in a second once its swing has ended, um.
 QUIET = 5.0
 EXAMPLE = Path(__file__).resolve().parents[4] / "host/python/examples/mujoco_machine.py"
@@ -93,6 +95,8 @@ def held(programs, program, robot):
 def main(program, robot):
     program, robot = str(Path(program).resolve()), str(Path(robot).resolve())
     machine, worst = Machine(program, robot), Worst()
+    signal.signal(signal.SIGALRM, lambda *_: sys.exit(f"not done within {PATIENCE} s"))
+    signal.alarm(PATIENCE)
     with tempfile.TemporaryDirectory() as folder, Programs(folder) as programs:
         offsets, moved = held(programs, program, robot)
     load = {"id": 0, "T": machine.home.tolist(), "w": [FORCE, 0, 0, 0, 0, 0]}

@@ -2,8 +2,8 @@
 
     of_mjcf.py PROGRAM ROBOT.toml
 
-At poses about home the links have their lengths, and carry what statics says; about home the first modes are those of `solve`; under
-300 N the tool goes where the springs balance them.
+At poses about home the links have their lengths, and carry what statics says; about home the first modes are those of `solve`, and the
+lowest has its damping; under 300 N the tool goes where the springs balance them.
 """
 
 import subprocess
@@ -13,15 +13,16 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from scipy.linalg import eigh
 from scipy.optimize import fsolve
 
-from machine import ARM, Machine, Worst, turn
+from machine import ARM, GRAVITY, LINKS, Machine, Worst, turn
+from of_mujoco import quaternion
 
 # Displacements and turns that the search begins with, m and rad.
 SCALE = 1e-4
 # Speed of a tool that rests, m/s.
 REST = 1e-6
-LINKS = ["11", "21", "22", "31", "32", "33"]
 
 
 def exported(program, robot):
@@ -29,12 +30,6 @@ def exported(program, robot):
         path = Path(folder) / "machine.xml"
         subprocess.run([program, "export", "--robot", robot, "--mjcf", path], check=True, stdout=subprocess.DEVNULL)
         return mujoco.MjModel.from_xml_path(str(path))
-
-
-def quaternion(rotation):
-    found = np.zeros(4)
-    mujoco.mju_mat2Quat(found, rotation.ravel())
-    return found
 
 
 def place(model, data, tcp, rotation, axes):
@@ -81,33 +76,26 @@ def modes(machine, model, data, worst):
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
-    stiffness = np.zeros((model.nv, model.nv))
+    stiffness, damping = np.zeros(model.nv), model.dof_damping.copy()
     for joint in range(model.njnt):
-        at = model.jnt_dofadr[joint]
-        stiffness[at, at] += np.ravel(model.jnt_stiffness[joint])[0]
+        stiffness[model.jnt_dofadr[joint]] += np.ravel(model.jnt_stiffness[joint])[0]
     for actuator in range(model.nu):
         at = model.jnt_dofadr[model.actuator_trnid[actuator, 0]]
-        stiffness[at, at] += model.actuator_gainprm[actuator, 0] * model.actuator_gear[actuator, 0] ** 2
-    rows = np.zeros((data.nefc, model.nv))
-    for row in range(data.nefc):
-        rows[row] = data.efc_J.reshape(data.nefc, model.nv)[row] if not mujoco.mj_isSparse(model) else dense(model, data, row)
-    _, sizes, basis = np.linalg.svd(rows)
+        gear = model.actuator_gear[actuator, 0]
+        stiffness[at] += model.actuator_gainprm[actuator, 0] * gear**2
+        damping[at] -= model.actuator_biasprm[actuator, 2] * gear**2
+    _, sizes, basis = np.linalg.svd(data.efc_J.reshape(data.nefc, model.nv))
     free = basis[np.sum(sizes > 1e-9 * sizes[0]) :].T
-    mass, stiffness = (free.T @ matrix @ free for matrix in (mass, stiffness))
-    squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real)
+    mass, stiffness, damping = (free.T @ matrix @ free for matrix in (mass, np.diag(stiffness), np.diag(damping)))
+    squares, shapes = eigh(stiffness, mass)
     # The links may spin.
-    found = np.sqrt(squares[len(LINKS) :][:5]) / (2 * np.pi)
+    rates, shapes = np.sqrt(squares[len(LINKS) :]), shapes[:, len(LINKS) :]
     (answer,) = machine.ask([{"id": 0, "op": "modes", "tcp_m": machine.home.tolist()}])
-    for one, other in zip(found, answer["first_five_modes_hz"]):
-        worst.see("modes", one, other)
-
-
-def dense(model, data, row):
-    found = np.zeros(model.nv)
-    begin = data.efc_J_rowadr[row]
-    for at in range(begin, begin + data.efc_J_rownnz[row]):
-        found[data.efc_J_colind[at]] = data.efc_J[at]
-    return found
+    for rate, expected in zip(rates, answer["first_five_modes_hz"]):
+        worst.see("modes", rate / (2 * np.pi), expected)
+    worst.see("damping ratio", shapes[:, 0] @ damping @ shapes[:, 0] / (2 * rates[0]), machine.damping)
+    parts = machine.rods.sum() + machine.cart_kg.sum() + machine.platform.mass + machine.tool.mass
+    worst.see("weight", model.opt.gravity * mujoco.mj_getTotalmass(model), np.array([0, 0, -GRAVITY * parts]))
 
 
 def equilibrium(machine, axes, force):
@@ -124,7 +112,7 @@ def equilibrium(machine, axes, force):
             pull = (length - machine.lengths[link]) / machine.c_link[link] * along / length
             on_tool -= pull
             moment -= np.cross(lever, pull)
-            on_axes += slopes @ pull
+            on_axes += slopes.T @ pull
         return np.concatenate([on_tool, moment, on_axes])
 
     return fsolve(balances, np.zeros(6 + machine.axes), xtol=1e-10)[:3] * SCALE
@@ -163,7 +151,7 @@ def main(program, robot):
     modes(machine, model, data, worst)
     displacement(machine, model, data, worst)
     # MuJoCo's constraints give way a little.
-    limits = {"ends, m": 1e-9, "link tensions": 1e-6, "modes": 0.01, "displacement": 1e-3}
+    limits = {"ends, m": 1e-9, "link tensions": 1e-6, "modes": 0.01, "damping ratio": 0.01, "weight": 1e-6, "displacement": 1e-3}
     worst.judge(f"exported, {machine.path}", limits)
 
 

@@ -255,4 +255,5 @@ def main(program, robot):
     compare(machine, Soft(machine), machine.states(25, random, at_rest=True), "soft constraints", 1e-3)
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -37,7 +37,7 @@ class Place:
             self.mass[:6, :6] += about(rotation @ body.centre, kg, rotation @ body.inertia @ rotation.T)
         self.tool = about(rotation @ machine.tool.centre, tool_kg, rotation @ machine.tool.inertia @ rotation.T)
         for link, kg in enumerate(machine.rods):
-            start, slopes = joint(machine, link, axes)
+            start, slopes = machine.joint(link, axes)
             lever = rotation @ machine.ends[link]
             of_start = np.hstack([np.zeros((3, 6)), slopes])
             of_end = np.hstack([np.eye(3), -skew(lever), np.zeros((3, self.axes))])
@@ -56,21 +56,6 @@ def about(centre, kg, inertia):
     """Mass matrix of a body about the tool centre point."""
     across = skew(centre)
     return np.block([[kg * np.eye(3), -kg * across], [kg * across, inertia - kg * across @ across]])
-
-
-def joint(machine, link, axes):
-    """Joint on a cart or plate, and its slopes (3 x axes)."""
-    arm, slopes = ARM[link], np.zeros((3, machine.axes))
-    slopes[:, arm] = machine.guideways[arm]
-    lever = machine.levers[link]
-    if machine.is_six and arm > 0:
-        about_axes = [(3, machine.signs[0] * machine.turn_axis)] if arm == 1 else [(5, machine.tilt_axis), (4, machine.signs[1] * machine.turn_axis)]
-        for axis, direction in about_axes:
-            turned = turn(direction * axes[axis])
-            slopes[:, 3:] = turned @ slopes[:, 3:]
-            lever = turned @ lever
-            slopes[:, axis] = np.cross(direction, lever)
-    return machine.carts[arm] + machine.guideways[arm] * axes[arm] + lever, slopes
 
 
 def linear(place, damping):

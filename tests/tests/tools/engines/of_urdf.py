@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 
-from machine import Machine, Worst
-
-LINKS = ["11", "21", "22", "31", "32", "33"]
+from machine import LINKS, Machine, Worst
 
 
 def described(program, robot):
@@ -41,8 +39,10 @@ def main(program, robot):
         end = at_home[f"link{name}"].act(np.array([0, 0, length]))
         worst.see("ends of links", end, machine.home + machine.ends[link])
     for axis in range(machine.axes):
-        positions = np.zeros(machine.axes)
-        positions[model.joints[model.getJointId(f"axis{axis + 1}")].idx_q] = 0.01
+        at, positions = model.joints[model.getJointId(f"axis{axis + 1}")].idx_q, np.zeros(machine.axes)
+        positions[at] = 0.01
+        travel = machine.travel_m[axis] / machine.metres_per_q[axis] - home[axis]
+        worst.see("travel", [model.lowerPositionLimit[at], model.upperPositionLimit[at]], travel)
         moved, axes = frames(model, positions), home.copy()
         axes[axis] += 0.01
         for link, name in enumerate(LINKS):
