@@ -6,7 +6,6 @@ The offsets end where `solve compensate` says, as with the simulated machine of 
 """
 
 import ast
-import os
 import re
 import signal
 import subprocess
@@ -34,10 +33,7 @@ class Programs:
         self.folder, self.all = folder, []
 
     def begin(self, *arguments, said=subprocess.DEVNULL, logged=subprocess.DEVNULL):
-        environment = os.environ | {"XDG_STATE_HOME": self.folder, "HOME": self.folder}
-        begun = subprocess.Popen(
-            arguments, cwd=self.folder, env=environment, text=True, stdin=subprocess.PIPE, stdout=said, stderr=logged
-        )
+        begun = subprocess.Popen(arguments, cwd=self.folder, text=True, stdin=subprocess.PIPE, stdout=said, stderr=logged)
         self.all.append(begun)
         return begun
 
@@ -73,7 +69,8 @@ def held(programs, program, robot):
     simulator = programs.begin(sys.executable, "-B", EXAMPLE, "machine.xml", "--port", "0", "--force", str(FORCE), said=subprocess.PIPE)
     (address,) = find(simulator.stdout, r"waiting for a server at (\S+)")
     plant = ["--plant", f"socket:{address}", "--pace", "lockstep"]
-    server = programs.begin(program, "serve", "--robot", robot, "--listen", "127.0.0.1:0", *plant, said=subprocess.PIPE)
+    own = ["--listen", "127.0.0.1:0", "--epoch-file", "epoch"]
+    server = programs.begin(program, "serve", "--robot", robot, *own, *plant, said=subprocess.PIPE)
     (address,) = find(server.stdout, r"listening on ([^;\s]+)")
     client = programs.begin(program, "client", address, "--robot", robot, logged=subprocess.PIPE)
     find(client.stderr, "(obtaining)")
