@@ -243,6 +243,23 @@ fn a_program_moves_the_machine_and_the_next_one_begins_at_zero() {
 }
 
 #[test]
+fn every_program_begins_in_submit() {
+    let pacing = Pacing::new(TickSource::Lockstep);
+    // A row of each tick, that of the handshake too.
+    let options = PaceOptions {
+        period: Duration::from_millis(1),
+        ..pacing.options()
+    };
+    let report = pacing.with(&options, |address| {
+        for _ in 0..10 {
+            let row = Program::connect(address).row();
+            assert_eq!(row["phase"], "submit");
+        }
+    });
+    assert_eq!(report.programs, 10);
+}
+
+#[test]
 fn a_line_that_cannot_be_used_costs_an_error_line_and_nothing_else() {
     let pacing = Pacing::new(TickSource::Lockstep);
     let long = "x".repeat(10_000);

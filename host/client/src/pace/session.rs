@@ -133,8 +133,9 @@ impl<'a, const N: usize> Session<'a, N> {
                 return self.leave(Left::Silent);
             };
             self.link.answer(self.wanted, &targets)?;
-            // Behind the answer there is the rest of the cycle.
-            if state.tick.0 % self.row_ticks == 0 {
+            // Behind the answer there is the rest of the cycle. A program begins in Submit, whatever
+            // tick the session began in.
+            if state.phase != Phase::Handshake && state.tick.0 % self.row_ticks == 0 {
                 let row = Row::of(&state, self.cycle_s, self.late);
                 self.program.send(&row);
             }
