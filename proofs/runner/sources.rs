@@ -457,6 +457,15 @@ fn implementations(text: &str) -> Vec<String> {
     heads
 }
 
+/// Profiles without what the linker does in that of development: Kani reads what is there before it.
+fn unlinked(profiles: &Value) -> Value {
+    let mut profiles = profiles.clone();
+    if let Some(dev) = profiles.get_mut("dev").and_then(Value::as_table_mut) {
+        dev.remove("lto");
+    }
+    profiles
+}
+
 /// Hash of the rules, of Kani's flags, and of the parts of manifests and lock that concern core
 /// without some features.
 fn cargo(root: &Path, left_out: &[&str]) -> Result<Hash, String> {
@@ -472,8 +481,9 @@ fn cargo(root: &Path, left_out: &[&str]) -> Result<Hash, String> {
     names.extend(["nalgebra", "libm", "sha2"].map(str::to_owned));
     let shared = get(&workspace, &["workspace", "dependencies"]).and_then(Value::as_table);
     let features = get(&core, &["features"]).map(|features| without(features, left_out));
+    let profiles = get(&workspace, &["profile"]).map(unlinked);
     let mut parts = vec![
-        get(&workspace, &["profile"]),
+        profiles.as_ref(),
         get(&workspace, &["patch"]),
         get(&workspace, &["workspace", "package", "edition"]),
         features.as_ref(),

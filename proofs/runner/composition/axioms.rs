@@ -56,14 +56,45 @@ impl Axiom {
             ));
         }
         for text in &self.says {
-            if !properties.contains(&format!("\"{text}\"")) {
+            let docs = docs_of(properties, text);
+            if docs.is_empty() {
                 wrong.push(format!(
                     "proofs/composition/Rows.v: {name} quotes \"{text}\", which no property says"
+                ));
+            } else if !docs.iter().any(|doc| is_composed_as(doc, name)) {
+                wrong.push(format!(
+                    "proofs/composition/Rows.v: {name} quotes \"{text}\", whose property has no line \"Composed as: `{name}`.\""
                 ));
             }
         }
         wrong
     }
+}
+
+/// Doc comments of the functions that say a text.
+fn docs_of(properties: &str, text: &str) -> Vec<String> {
+    let quoted = format!("\"{text}\"");
+    let (mut above, mut doc) = (String::new(), String::new());
+    let mut found = Vec::new();
+    for line in properties.lines() {
+        if let Some(comment) = line.strip_prefix("///") {
+            above.push_str(comment);
+        } else if line.starts_with("pub fn ") || line.starts_with("fn ") {
+            doc = std::mem::take(&mut above);
+        } else if !line.starts_with("#[") {
+            above.clear();
+        }
+        if line.contains(&quoted) {
+            found.push(doc.clone());
+        }
+    }
+    found
+}
+
+/// True if a doc comment says that the property is an axiom.
+fn is_composed_as(doc: &str, axiom: &str) -> bool {
+    doc.split_once("Composed as:")
+        .is_some_and(|(_, names)| names.contains(&format!("`{axiom}`")))
 }
 
 impl Axiom {
@@ -180,6 +211,34 @@ mod tests {
                 one("type_limits", None, &[]),
             ]
         );
+    }
+
+    #[test]
+    fn a_property_names_its_axioms() {
+        let properties = "
+/// A step.
+///
+/// Composed as: `step_is_small`, `step_of_6_axes_is_small`.
+#[inline]
+pub fn step(x: i32) {
+    assert!(x < 5, \"T1: it is small\");
+}
+
+/// Another one.
+fn other() {
+    assert!(true, \"T1: it is small\");
+    assert!(true, \"T2: it ends\");
+}
+";
+        let names = |text: &str, axiom: &str| {
+            let docs = docs_of(properties, text);
+            docs.iter().any(|doc| is_composed_as(doc, axiom))
+        };
+        assert!(names("T1: it is small", "step_is_small"));
+        assert!(names("T1: it is small", "step_of_6_axes_is_small"));
+        assert!(!names("T1: it is small", "step"));
+        assert!(!names("T2: it ends", "step_is_small"));
+        assert_eq!(docs_of(properties, "T3: nowhere").len(), 0);
     }
 
     #[test]

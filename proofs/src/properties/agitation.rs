@@ -77,6 +77,8 @@ pub fn quiet_is_not_counted(before: Agitation, (from, to): (i32, i32), budget: &
 
 /// T33, one axis under any command: in Obtain the second difference of its position offset counts,
 /// and `r` is taken from the sum; elsewhere, and without a budget, there is none.
+///
+/// Composed as: `agitation_of_an_axis_is_counted`.
 pub fn axis_is_counted(before: &Axis, command: &AxisCommand, config: &AxisConfig) {
     let mut after = *before;
     let _ = after.act(command, config, &mut AxisState::default());
@@ -110,6 +112,8 @@ pub fn axis_is_counted(before: &Axis, command: &AxisCommand, config: &AxisConfig
 
 /// T33, the decision: agitation ends a session that runs, in that tick, ramping; and without it no
 /// session ends because of it.
+///
+/// Composed as: `agitation_ends_a_session`.
 pub fn agitation_ends_the_session(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
     if fsm.agitated && state.is_live() {

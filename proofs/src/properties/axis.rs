@@ -101,6 +101,8 @@ impl ChannelProperty for Shadow {
 
 /// T1, T2, T3 for one channel in force of an axis, under any command; and the drive receives what
 /// the channel says, on top of this tick's nominal reference.
+///
+/// Composed as: `axis_position_is_bounded`, `axis_velocity_is_bounded`, `axis_torque_is_bounded`.
 pub fn order_is_bounded(before: &Axis, command: &AxisCommand, config: &AxisConfig, kind: Kind) {
     let mut after = *before;
     let reference = after.act(command, config, &mut AxisState::default());
@@ -207,6 +209,8 @@ pub fn step_is_exact(from: PositionNm, to: PositionNm, config: &AxisConfig) {
 }
 
 /// A nominal reference that stands is within any limit, over any cycles.
+///
+/// Composed as: `nominal_that_stands_is_within`.
 pub fn standing_is_within(at: PositionNm, config: &AxisConfig, cycles: u32) {
     assert!(
         !nominal_stepped(at, at, config, cycles),

@@ -9,6 +9,8 @@ pub type Position = Channel<OffsetNm>;
 
 /// T1, T2, T3 and the invariant, for any two values of a channel that follow each other. A check
 /// that fails ends the path, so the theorems stand before the invariant, which implies T3.
+///
+/// Composed as: `axis_position_is_bounded`, `axis_velocity_is_bounded`, `axis_torque_is_bounded`.
 pub fn change_is_bounded<U: ChannelUnit>(
     before: Channel<U>,
     after: Channel<U>,
@@ -33,6 +35,8 @@ pub fn change_is_bounded<U: ChannelUnit>(
 }
 
 /// A drive receives the count of a valid channel: its unit holds it.
+///
+/// Composed as: `channel_value_is_its_count`.
 pub fn value_is_its_count<U: ChannelUnit>(channel: Channel<U>) {
     assert!(
         channel.value().count() == channel.count(),
@@ -47,6 +51,8 @@ pub fn ramp_is_exact(before: Position, limits: &Limits<OffsetNm>) {
 
 /// T5, for any two values that follow each other: `min(rho, |value|)` towards zero, never past it.
 /// The magnitude is the measure that decreases until it is zero.
+///
+/// Composed as: `axis_position_is_bounded`, `axis_velocity_is_bounded`, `axis_torque_is_bounded`.
 pub fn is_ramp_step<U>(before: Channel<U>, after: Channel<U>, limits: &Limits<U>) {
     let (from, to) = (before.count().unsigned_abs(), after.count().unsigned_abs());
     let same_side = after.count() == 0 || (after.count() > 0) == (before.count() > 0);

@@ -20,6 +20,8 @@ fn outranks_a_miss(fsm: &FsmInput) -> bool {
 }
 
 /// The invariant of the discrete state is kept, and the tick advances by one for each cycle.
+///
+/// Composed as: `decide_keeps_the_invariant`.
 pub fn keeps_the_invariant(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let next = decide(state, fsm, rules).next;
     assert!(
@@ -34,6 +36,8 @@ pub fn keeps_the_invariant(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 /// T4, both ways: with nothing of higher precedence, Submit and Obtain survive a single miss and
 /// end with the second consecutive one, in that tick. A cycle that the server skipped is a miss
 /// like any other.
+///
+/// Composed as: `decide_second_miss_ends`.
 pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let running = matches!(state.phase, Phase::Submit | Phase::Obtain);
     if !running || outranks_a_miss(fsm) {
@@ -76,6 +80,8 @@ pub fn second_miss_ends(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 
 /// T6, the half that decides: a session is granted only to a Hello that arrives in Listening, and
 /// Listening and Submit are entered only when every channel is zero.
+///
+/// Composed as: `decide_authority_needs_zero`.
 pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let next = decide(state, fsm, rules).next;
     if next.is_live() && !state.is_live() {
@@ -99,6 +105,8 @@ pub fn authority_needs_zero(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 /// T9: a stop, or a path that is at fault, leads to Fault from everywhere, and takes the first ramp
 /// step at once; nothing leads out of Fault but a re-arm that was seen released in it, with the stop
 /// gone and every channel at zero; until then nothing follows a target.
+///
+/// Composed as: `decide_stop_leads_to_fault`.
 pub fn stop_leads_to_fault(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
     let next = &decision.next;
@@ -168,6 +176,8 @@ pub fn latch_keeps_every_stop(
 
 /// T5, the half that decides: without a session, and with a channel that is not zero, every tick is
 /// a ramp step.
+///
+/// Composed as: `decide_no_session_ramps`.
 pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let decision = decide(state, fsm, rules);
     let ramping = matches!(state.phase, Phase::SafeDisconnect | Phase::Fault);
@@ -190,6 +200,8 @@ pub fn no_session_ramps(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
 /// T22, the half that decides: in silence a session that runs ends with the second tick, ramping in
 /// it; a ramp goes on while a channel is not zero, and the first tick that begins at zero listens.
 /// A handshake counts to its end; only Fault waits, for a re-arm.
+///
+/// Composed as: `decide_silence_leads_to_listening`.
 pub fn silence_leads_to_listening(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     let silence = FsmInput {
         all_zero: fsm.all_zero,
@@ -229,6 +241,8 @@ pub fn silence_leads_to_listening(state: &FsmState, fsm: &FsmInput, rules: &Rule
 /// epoch the accepted sequence never falls, and rises with every command that acts: a command acts
 /// once. The classification lets only new ones arrive
 /// ([`crate::properties::ingress::accepts_only_what_is_new`]).
+///
+/// Composed as: `decide_epochs_and_sequences_rise`.
 pub fn epochs_and_sequences_rise(state: &FsmState, fsm: &FsmInput, rules: &Rules) {
     if !is_new(state, fsm) {
         return;

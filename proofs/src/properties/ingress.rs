@@ -26,6 +26,8 @@ pub fn classifier<const N: usize>(
 
 /// T7: an event of a non-owner, or of the owner without freshness, decides nothing.
 /// The one exception is a Hello, and only in Listening, which has no owner.
+///
+/// Composed as: `sift_only_the_owner_decides`.
 pub fn only_the_owner_decides<const N: usize>(
     classifier: &Classifier<'_, N>,
     connection: Connection,
@@ -141,6 +143,8 @@ pub fn fresh_is_as_defined<const N: usize>(classifier: &Classifier<'_, N>, comma
 
 /// T23, one event after any others: what is accepted has an epoch above every one before, and a
 /// sequence above the last.
+///
+/// Composed as: `sift_accepts_only_what_is_new`.
 pub fn accepts_only_what_is_new<const N: usize>(
     session: &Session<N>,
     epochs: &EpochRange,

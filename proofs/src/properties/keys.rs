@@ -113,6 +113,8 @@ fn key_of<'a>(keyring: &'a Keyring, frame: &[u8]) -> Option<&'a Key> {
 /// T27: a frame whose tag is not that of its bytes has no event, takes no frame of the budget, and
 /// changes nothing but one count; on a stream it may end its own connection. Returns true for such a
 /// frame.
+///
+/// Composed as: `slot_forgery_is_nothing`.
 pub fn forgery_is_nothing<const N: usize>(before: &Door<'_, N>, bytes: &[u8]) -> bool {
     let mut after = before.clone();
     let (decoded, counted) = after.take(bytes);

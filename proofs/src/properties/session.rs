@@ -128,6 +128,8 @@ fn is_paced<const N: usize>(input: &StepInput<N>) -> bool {
 
 /// The doors of the decision: it sees what was accepted, the cycle and the drives, and nothing
 /// else; and the order is what it says.
+///
+/// Composed as: `session_orders_what_is_decided`, `session_of_6_axes_orders_what_is_decided`.
 pub fn order_is_of_the_decision<const N: usize>(input: &StepInput<N>) {
     let (tick, parts) = (&input.tick, input.session.parts());
     let (decision, complete, ordered) = ordered(input);
@@ -175,6 +177,8 @@ fn ordered<const N: usize>(input: &StepInput<N>) -> (Decision, FsmInput, Order<N
 
 /// The decision of a whole step is that of [`decide`] on the completed input, and so is the order to
 /// the axes.
+///
+/// Composed as: `session_decides_by_the_rules`, `session_of_6_axes_decides_by_the_rules`.
 pub fn decides_by_the_rules<const N: usize>(input: &StepInput<N>) {
     let before = &input.session;
     let (fsm, rules) = decided_on(input);
@@ -190,6 +194,8 @@ pub fn decides_by_the_rules<const N: usize>(input: &StepInput<N>) {
 
 /// A step is its parts: the discrete state is that of the decision, the axes and the references are
 /// what the axes made of the order, and what is withheld stays so.
+///
+/// Composed as: `session_step_is_its_parts`, `session_of_6_axes_step_is_its_parts`.
 pub fn step_is_its_parts<const N: usize>(input: &StepInput<N>) {
     let StepInput {
         session: before,
@@ -238,6 +244,8 @@ pub fn step_is_its_parts<const N: usize>(input: &StepInput<N>) {
 
 /// A tick is its parts: the last write is settled, then the events are classified, then the step is
 /// taken.
+///
+/// Composed as: `session_tick_is_its_parts`, `session_of_6_axes_tick_is_its_parts`.
 pub fn tick_is_its_parts<const N: usize>(before: &Session<N>, input: &Input<N>) {
     let mut after = *before;
     let output = after.tick(input);
@@ -270,6 +278,8 @@ type Reached = (Axis, Option<(AxisCommand, AxisConfig)>);
 /// Every axis acts by itself: for any order, what reaches an axis is its own target, nominal
 /// reference, measurements and configuration, and no other's; and the axis goes on as it acted. So
 /// what is proved of an axis under any command holds for every axis of a session.
+///
+/// Composed as: `session_of_3_axes_acts_axis_by_axis`, `session_of_6_axes_acts_axis_by_axis`.
 pub fn axes_act_by_themselves<const N: usize>(
     input: &StepInput<N>,
     order: &Order<N>,
@@ -338,6 +348,8 @@ pub fn axes_act_by_themselves<const N: usize>(
 /// One of any number of axes, which keeps its part of the invariant under any actions of the
 /// others: of these the decision knows no more than that all axes are at zero, which this one then
 /// is. With [`axes_act_by_themselves`] that is the invariant of every axis of a session.
+///
+/// Composed as: `session_axis_of_many_stays_valid`.
 pub fn axis_of_many_stays_valid(
     axis: &Axis,
     config: &AxisConfig,
@@ -514,6 +526,8 @@ pub fn latch_holds<const N: usize>(input: &StepInput<N>) {
 /// The start of a server: it has the values in force at the drives, off the path until it meets it;
 /// it is in Fault with a latched stop, and listens only at zero. Offsets beyond their limits refuse
 /// it.
+///
+/// Composed as: `total_start`, `total_start_of_six`.
 pub fn starts_as_told<const N: usize>(config: Config<N>, start: &Start<N>) {
     let axes = &config.parameters().axes;
     let within = (0..N).all(|axis| axes[axis].limits.admits(&start.in_force[axis].offsets));
@@ -604,6 +618,8 @@ fn decide_alike<const N: usize>(one: &StepInput<N>, other: &StepInput<N>) {
 
 /// T12: after a refused write a session is valid and over, and goes on at rest from the values in
 /// force; without valid values nothing may be written, and no session is granted.
+///
+/// Composed as: `total_write`, `total_write_of_six`.
 pub fn settles_any_write<const N: usize>(before: &Session<N>, last_write: &LastWrite<N>) {
     let mut after = *before;
     after.apply_write_result(last_write);
