@@ -18,7 +18,7 @@ use std::process::{Command, Stdio};
 
 use rustix::fs::{FlockOperation, flock};
 
-use crate::process::{BINARY, Folder, Running};
+use crate::process::{self, BINARY, Folder, Running};
 
 /// Root of the repository.
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -150,7 +150,7 @@ impl Walk {
         self.count += 1;
         let programs = Path::new(BINARY).parent().unwrap().display().to_string();
         let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
-        let mut shell = Command::new("sh");
+        let mut shell = process::command("sh");
         shell
             .args(["-c", command])
             .env("PATH", path)
@@ -308,6 +308,21 @@ const ELSEWHERE: &[[&str; 3]] = &[
         "docs/ethercat.md",
         "cargo install --path host/cli --features ethercat",
         "builds and installs the program: nowhere; `.ci/package` builds with this feature",
+    ],
+    [
+        "docs/python.md",
+        "pip install maturin",
+        "builds a wheel and installs it: `.ci/run`, with `tests/tests/tools/python/of_wheel.py`",
+    ],
+    [
+        "docs/python.md",
+        "gantry-tau serve --pace lockstep --quasi-static",
+        "needs numpy: the same script",
+    ],
+    [
+        "docs/python.md",
+        "python3 host/python/examples/slow_compensation.py",
+        "needs numpy: the same script, which runs the page's Python as well",
     ],
     [
         "docs/linuxcnc.md",

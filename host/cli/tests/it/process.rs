@@ -18,6 +18,17 @@ const DEADLINE: Duration = Duration::from_secs(180);
 /// The binary.
 pub(crate) const BINARY: &str = env!("CARGO_BIN_EXE_gantry-tau");
 
+/// Returns a program with the signals of a terminal: what runs behind `nohup`, or in the background of a
+/// script, ignores some, and so would its children.
+pub(crate) fn command(program: &str) -> Command {
+    if !cfg!(target_os = "linux") {
+        return Command::new(program);
+    }
+    let mut env = Command::new("env");
+    env.args(["--default-signal=INT,HUP,QUIT", program]);
+    env
+}
+
 /// Standard streams in place of empty input and of files.
 pub(crate) struct Streams {
     pub(crate) input: Stdio,
@@ -73,7 +84,7 @@ impl Folder {
 
     /// Starts the binary; its output goes to `name.out` and `name.err`.
     pub(crate) fn start_with(&self, name: &str, arguments: &[&str], input: Stdio) -> Running {
-        let mut command = Command::new(BINARY);
+        let mut command = command(BINARY);
         command.args(arguments);
         self.start_command(name, command, input)
     }

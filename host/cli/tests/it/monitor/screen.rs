@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::process::Command;
+
 use std::time::{Duration, Instant};
 
 use gantry_tau_core::control::message::{Cause, Phase};
@@ -10,7 +10,7 @@ use gantry_tau_test_support::labcomm_port::{Double, Scene};
 use rustix::termios::{Winsize, tcsetwinsize};
 
 use crate::outputs_fail::terminal;
-use crate::process::{BINARY, Folder, Streams};
+use crate::process::{BINARY, Folder, Streams, command};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Begin and end of a frame: no line is continued on the next.
@@ -33,7 +33,7 @@ fn frame(columns: u16, rows: u16, words: &str) -> Vec<String> {
     };
     tcsetwinsize(&program, size).unwrap();
     let _monitor = folder.start_by(
-        &mut Command::new(BINARY),
+        &mut command(BINARY),
         "monitor",
         &["monitor", &double.address.to_string()],
         Streams {

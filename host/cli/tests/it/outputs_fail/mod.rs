@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use crate::process::{BINARY, Folder, Running, Streams, relay_paced};
+use crate::process::{BINARY, Folder, Running, Streams, command, relay_paced};
 use crate::signals::{Recorded, rows};
 
 /// Longest wait for anything.
@@ -227,12 +227,12 @@ fn lines_of(path: &Path) -> usize {
 }
 
 fn binary() -> std::process::Command {
-    std::process::Command::new(BINARY)
+    command(BINARY)
 }
 
 /// A shell that becomes the binary, after these words: limits, or redirections behind `exec`.
 fn shell(before: &str, behind: &str) -> std::process::Command {
-    let mut shell = std::process::Command::new("sh");
+    let mut shell = command("sh");
     shell.args([
         "-c",
         &format!("{before} exec \"$0\" \"$@\" {behind}"),

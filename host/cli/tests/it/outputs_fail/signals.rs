@@ -2,10 +2,10 @@
 //! would suspend or end it do nothing.
 
 use std::os::unix::process::CommandExt;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use super::{Bench, binary, shell, terminal};
-use crate::process::{BINARY, Streams};
+use crate::process::{BINARY, Streams, command};
 
 #[test]
 fn that_end_a_server_are_a_ramp() {
@@ -78,7 +78,7 @@ fn a_controlling_terminal_that_goes_away_is_a_ramp() {
     let bench = Bench::new("server-terminal");
     let (user, terminal) = terminal();
     let [input, output, log] = [(); 3].map(|()| Stdio::from(terminal.try_clone().unwrap()));
-    let mut program = Command::new("setsid");
+    let mut program = command("setsid");
     program.args(["--ctty", BINARY]);
     let server = bench.serve(
         &mut program,
