@@ -68,6 +68,12 @@ impl Pacing {
         }
     }
 
+    /// Returns the address of the server.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.server.address
+    }
+
     /// Options that end no program: in lock-step a second of the server passes in milliseconds.
     #[must_use]
     pub fn options(&self) -> PaceOptions {
@@ -80,6 +86,7 @@ impl Pacing {
             hold: Duration::from_secs(100),
             give_up: Duration::from_secs(100),
             period: Duration::from_millis(100),
+            is_hurried: true,
         }
     }
 

@@ -50,6 +50,9 @@ pub struct PaceOptions {
     pub give_up: Duration,
     /// Time between two lines to the program.
     pub period: Duration,
+    /// Answers a server in lock-step at once, in place of once per cycle of the clock: its time then
+    /// runs ahead of a program's.
+    pub is_hurried: bool,
 }
 
 /// Counts of a pacing client.
@@ -75,15 +78,15 @@ enum Left {
     Quit,
 }
 
-/// Serves programs, one after the other, until the switch is set. An error of a session is told to
-/// the program, and logged.
+/// Serves programs, one after the other, until the switch is set, or the [one](Programs::one) has been
+/// served. An error of a session is told to the program, and logged.
 pub fn run<const N: usize>(
     options: &PaceOptions,
     programs: &mut Programs,
     quit: &AtomicBool,
 ) -> PaceReport {
     let mut report = PaceReport::default();
-    while !quit.load(Ordering::Relaxed) {
+    while !quit.load(Ordering::Relaxed) && !programs.is_over() {
         let Some(mut program) = programs.accept() else {
             std::thread::sleep(LOOK.min(options.period));
             continue;

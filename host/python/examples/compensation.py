@@ -11,7 +11,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import gantry_tau
-from machine import Load, Solver
+from gantry_tau import Solver
+from load import Load
 
 
 class Compensation:

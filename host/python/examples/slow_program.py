@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A controller at 30 Hz behind `gantry-tau pace`: moves the first axis to and fro by 20 micrometres.
 
-    gantry-tau serve                       # in one terminal
+    gantry-tau serve --pace lockstep       # in one terminal
     gantry-tau pace                        # in another
     slow_program.py [--port 7010] [--seconds 10]
 """

@@ -2,7 +2,10 @@
 //! of `gantry-tau pace`.
 
 use std::io::{BufRead, BufReader, Write as _};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread;
 use std::time::Duration;
 
 use gantry_tau_client::pace::PaceOptions;
@@ -24,6 +27,8 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
 const N: usize = 3;
+/// Kind of a Command (wire.md), the fourth byte of its frame.
+const COMMAND: u8 = 3;
 
 /// A session in memory and its client.
 struct Pair {
@@ -120,7 +125,7 @@ fn a_program_at_30_hz_is_never_limited_and_never_ended() {
         lines: Vec::new(),
     };
     let mut asks = Mode::Submit;
-    for _ in 0..200_000 {
+    for _ in 0..1_000_000 {
         for target in program.lines(state.tick.0) {
             let _ = pacer.push(target);
         }
@@ -345,6 +350,78 @@ fn a_silent_program_is_given_up_and_the_next_is_served() {
         while next.t() < t + 20.0 {}
     });
     assert_eq!((report.programs, report.silent), (2, 1));
+}
+
+/// Carries datagrams between a client and a server, but for commands that are to be lost.
+struct LossyRelay {
+    address: SocketAddr,
+    loses: Arc<AtomicBool>,
+}
+
+impl LossyRelay {
+    /// Starts its two threads, which end with the test's process.
+    fn to(server: SocketAddr) -> Self {
+        let near = UdpSocket::bind(LOOPBACK).unwrap();
+        let far = UdpSocket::bind(LOOPBACK).unwrap();
+        far.connect(server).unwrap();
+        let relay = Self {
+            address: near.local_addr().unwrap(),
+            loses: Arc::default(),
+        };
+        let client = Arc::new(Mutex::new(None));
+        let (back, out) = (near.try_clone().unwrap(), far.try_clone().unwrap());
+        let (from, loses) = (Arc::clone(&client), Arc::clone(&relay.loses));
+        thread::spawn(move || {
+            let mut bytes = [0; 2_048];
+            while let Ok((length, peer)) = near.recv_from(&mut bytes) {
+                *from.lock().unwrap() = Some(peer);
+                let is_command = bytes[3] == COMMAND;
+                if !(is_command && loses.swap(false, Ordering::Relaxed)) {
+                    out.send(&bytes[..length]).unwrap();
+                }
+            }
+        });
+        thread::spawn(move || {
+            let mut bytes = [0; 2_048];
+            while let Ok(length) = far.recv(&mut bytes) {
+                let peer = client.lock().unwrap().unwrap();
+                back.send_to(&bytes[..length], peer).unwrap();
+            }
+        });
+        relay
+    }
+}
+
+#[test]
+fn a_command_that_is_lost_limits_a_few_steps_and_no_more() {
+    let pacing = Pacing::over(Transport::Datagram, None, TickSource::Lockstep);
+    let relay = LossyRelay::to(pacing.address());
+    let options = PaceOptions {
+        server: relay.address.into(),
+        period: Duration::from_millis(1),
+        latency: Duration::from_secs(1),
+        is_hurried: false,
+        ..pacing.options()
+    };
+    pacing.with(&options, |address| {
+        let mut program = Program::connect(address);
+        let t = program.t();
+        // As fast as the limits allow, for hundreds of ticks.
+        program.want("obtain", t, [0.0; N]);
+        program.want("obtain", t + 0.001, [1_000.0, 0.0, 0.0]);
+        let position = |row: &Value| row["offset_um"][0].as_f64().unwrap();
+        while position(&program.row()) < 300.0 {}
+        relay.loses.store(true, Ordering::Relaxed);
+        // It begins again where it is, with what the program sends from then on.
+        program.want("obtain", t + 2.0, [1_000.0, 0.0, 0.0]);
+        let mut row = program.row();
+        while position(&row) < 1_000.0 {
+            row = program.row();
+        }
+        let limited = row["limited"].as_u64().unwrap();
+        assert!(!relay.loses.load(Ordering::Relaxed), "none was lost");
+        assert!((1..10).contains(&limited), "{limited} steps");
+    });
 }
 
 #[test]

@@ -1,9 +1,11 @@
 //! `gantry-tau pace`.
 
-use std::net::SocketAddr;
+use std::io;
+use std::net::{Shutdown, SocketAddr};
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
+use std::thread;
 use std::time::Duration;
 
 use clap::Args;
@@ -21,6 +23,8 @@ use crate::terminal::say;
 
 /// Most times of the pacer, ms: core takes 100 000 ticks.
 const MAX_MS: u32 = 100_000;
+/// Time in which a program on the standard output reads the last line.
+const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Be a client of the server for a program that is slower than 1 kHz
 ///
@@ -30,7 +34,8 @@ const MAX_MS: u32 = 100_000;
 ///
 /// t is the server's time, which comes with the lines that are sent to the program. A target is asked
 /// for --latency-ms after its t, on straight lines between targets, within the server's limits.
-/// Ctrl-C ends; the server ramps the offsets to zero then, and after each program.
+/// Ctrl-C ends; the server ramps the offsets to zero then, and after each program. With --stdio the
+/// program is the one that has started the pacer, which ends with it.
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub(crate) struct Pace {
@@ -45,6 +50,9 @@ pub(crate) struct Pace {
     /// UDP datagrams instead of a TCP stream; the server needs --udp as well
     #[arg(long)]
     udp: bool,
+    /// Serve one program, on the standard input and output
+    #[arg(long, conflicts_with_all = ["listen", "allow"])]
+    stdio: bool,
     /// Address on which programs connect
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7010", value_parser = address)]
     listen: SocketAddr,
@@ -74,8 +82,6 @@ impl MachineCommand for Pace {
         if self.hold_ms > self.give_up_ms {
             return Err("--hold-ms is above --give-up-ms".into());
         }
-        let allowed = Allowed::only(&self.allow)?;
-        check_reach(self.listen, &allowed)?;
         let millis = |ms: u32| Duration::from_millis(ms.into());
         let options = PaceOptions {
             server: self.server,
@@ -86,12 +92,18 @@ impl MachineCommand for Pace {
             hold: millis(self.hold_ms),
             give_up: millis(self.give_up_ms),
             period: Duration::from_secs(1) / self.rate,
+            is_hurried: false,
         };
-        let mut programs = Programs::bind(self.listen, allowed)
-            .map_err(|error| format!("{}: {error}", self.listen))?;
         let quit = Arc::new(AtomicBool::new(false));
         let switch = Arc::clone(&quit);
         signals::on_quit(move || switch.store(true, Ordering::Relaxed));
+        if self.stdio {
+            return serve_stdio::<N>(&options, &quit);
+        }
+        let allowed = Allowed::only(&self.allow)?;
+        check_reach(self.listen, &allowed)?;
+        let mut programs = Programs::bind(self.listen, allowed)
+            .map_err(|error| format!("{}: {error}", self.listen))?;
         say(format_args!(
             "waiting for a program at {}: lines as {{\"mode\":\"submit\",\"t\":0.0,\"offset_um\":[..{} numbers..]}}",
             programs.address()?,
@@ -104,4 +116,24 @@ impl MachineCommand for Pace {
         ));
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Serves the program at the standard input and output, which end the session when they are closed.
+fn serve_stdio<const N: usize>(options: &PaceOptions, quit: &AtomicBool) -> Outcome {
+    let (mut programs, program) = Programs::one()?;
+    let lines = program.try_clone()?;
+    thread::spawn(move || {
+        let _ = io::copy(&mut io::stdin().lock(), &mut &lines);
+        let _ = lines.shutdown(Shutdown::Write);
+    });
+    let (is_written, written) = mpsc::channel();
+    thread::spawn(move || {
+        let _ = io::copy(&mut &program, &mut io::stdout().lock());
+        let _ = program.shutdown(Shutdown::Both);
+        let _ = is_written.send(());
+    });
+    pace::run::<N>(options, &mut programs, quit);
+    // A program that does not read its last line loses it.
+    let _ = written.recv_timeout(FAREWELL);
+    Ok(ExitCode::SUCCESS)
 }

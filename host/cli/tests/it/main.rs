@@ -44,6 +44,8 @@ mod outputs;
 mod outputs_fail;
 #[cfg(unix)]
 mod ownership;
+#[cfg(unix)]
+mod pace;
 mod plan;
 #[cfg(target_os = "linux")]
 mod privileges;

@@ -4,7 +4,7 @@
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Read, Write};
 use std::mem;
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
 use gantry_tau_server::links::Allowed;
@@ -24,7 +24,8 @@ const FAREWELL: Duration = Duration::from_millis(100);
 /// Port for programs.
 #[derive(Debug)]
 pub struct Programs {
-    listener: TcpListener,
+    /// `None` for a program that is connected already, and the only one.
+    listener: Option<TcpListener>,
     allowed: Allowed,
     /// One that came while another was served, and when.
     next: Option<(Program, Instant)>,
@@ -39,18 +40,49 @@ impl Programs {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         Ok(Self {
-            listener,
+            listener: Some(listener),
             allowed,
             next: None,
         })
     }
 
-    /// Returns the address on which it listens.
+    /// Returns one program, and its end of the connection, which nobody else can have.
     ///
     /// # Errors
     /// Error of the system.
+    pub fn one() -> io::Result<(Self, TcpStream)> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+        let end = TcpStream::connect(listener.local_addr()?)?;
+        let own = end.local_addr()?;
+        // Another program of this computer may have been quicker.
+        let (stream, peer) = loop {
+            let (stream, peer) = listener.accept()?;
+            if peer == own {
+                break (stream, peer);
+            }
+        };
+        let programs = Self {
+            listener: None,
+            allowed: Allowed::all(),
+            next: Some((Program::new(stream, peer)?, Instant::now())),
+        };
+        Ok((programs, end))
+    }
+
+    /// Returns the address on which it listens.
+    ///
+    /// # Errors
+    /// Error of the system, and for [one](Self::one) program, which has no port.
     pub fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+        match &self.listener {
+            Some(listener) => listener.local_addr(),
+            None => Err(ErrorKind::AddrNotAvailable.into()),
+        }
+    }
+
+    /// True if no program can come.
+    pub(super) const fn is_over(&self) -> bool {
+        self.listener.is_none() && self.next.is_none()
     }
 
     /// Returns the next program, if one has connected.
@@ -63,17 +95,11 @@ impl Programs {
 
     /// Accepts a connection. Others than the allowed are closed.
     fn newcomer(&self) -> Option<Program> {
-        let (stream, peer) = self.listener.accept().ok()?;
-        let admitted = self.allowed.admits(peer.ip());
-        let usable = stream.set_nonblocking(true).and(stream.set_nodelay(true));
-        (admitted && usable.is_ok()).then(|| Program {
-            stream,
-            peer,
-            received: Vec::new(),
-            skips: false,
-            has_ended: false,
-            unwritten: Vec::with_capacity(WAITING),
-        })
+        let (stream, peer) = self.listener.as_ref()?.accept().ok()?;
+        if !self.allowed.admits(peer.ip()) {
+            return None;
+        }
+        Program::new(stream, peer).ok()
     }
 
     /// Sends those away that come while another program is served; after a while, for the other may
@@ -107,6 +133,19 @@ pub(super) struct Program {
 }
 
 impl Program {
+    fn new(stream: TcpStream, peer: SocketAddr) -> io::Result<Self> {
+        stream.set_nonblocking(true)?;
+        stream.set_nodelay(true)?;
+        Ok(Self {
+            stream,
+            peer,
+            received: Vec::new(),
+            skips: false,
+            has_ended: false,
+            unwritten: Vec::with_capacity(WAITING),
+        })
+    }
+
     pub(super) const fn peer(&self) -> SocketAddr {
         self.peer
     }

@@ -1,7 +1,8 @@
 //! A program's session with the server.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::{Event, Requirements};
@@ -32,6 +33,9 @@ pub(super) struct Session<'a, const N: usize> {
     quit: &'a AtomicBool,
     settings: Settings,
     cycle_s: f64,
+    /// Of a server in lock-step: shortest time between two answers, and the last one.
+    pause: Duration,
+    answered: Instant,
     /// Ticks between two lines to the program.
     row_ticks: u64,
     /// Mode that the program wants, and the one that was asked for last.
@@ -71,7 +75,7 @@ impl<'a, const N: usize> Session<'a, N> {
         let (welcome, link) = loop {
             match open() {
                 // The offsets of the program before are not zero yet.
-                Err(ClientError::Refused(Refusal::Ramping { .. })) => std::thread::sleep(LOOK),
+                Err(ClientError::Refused(Refusal::Ramping { .. })) => thread::sleep(LOOK),
                 opened => break opened?,
             }
         };
@@ -79,6 +83,12 @@ impl<'a, const N: usize> Session<'a, N> {
             tracing::warn!("pacer: no {}: {}", denied.privilege, denied.reason);
         }
         let cycle_s = f64::from(welcome.cycle_us) * 1e-6;
+        let is_paced_here =
+            !options.is_hurried && welcome.capabilities.contains(Capabilities::LOCKSTEP);
+        let pause = match is_paced_here {
+            true => Duration::from_micros(welcome.cycle_us.into()),
+            false => Duration::ZERO,
+        };
         let ticks = |time: Duration| (time.as_secs_f64() / cycle_s).round() as u32;
         Ok(Self {
             link,
@@ -92,6 +102,8 @@ impl<'a, const N: usize> Session<'a, N> {
                 horizon_ticks: ticks(HORIZON),
             },
             cycle_s,
+            pause,
+            answered: Instant::now(),
             row_ticks: u64::from(ticks(options.period)).max(1),
             wanted: Mode::Submit,
             asked: Mode::Submit,
@@ -126,6 +138,7 @@ impl<'a, const N: usize> Session<'a, N> {
                 // A newer State is waiting: an answer to this one would be late.
                 continue;
             }
+            self.await_cycle();
             self.now = state.tick;
             self.hear(report)?;
             self.keep_up(&state);
@@ -145,6 +158,14 @@ impl<'a, const N: usize> Session<'a, N> {
                 return self.leave(Left::Gone);
             }
         }
+    }
+
+    /// Waits until an answer to a server in lock-step is due.
+    fn await_cycle(&mut self) {
+        let due = self.answered + self.pause;
+        thread::sleep(due.saturating_duration_since(Instant::now()));
+        // A pause of this process is not made up for.
+        self.answered = due.max(Instant::now() - self.pause);
     }
 
     fn leave(mut self, left: Left) -> Result<Left, ClientError> {
@@ -180,6 +201,7 @@ impl<'a, const N: usize> Session<'a, N> {
 
     /// Takes a target, or says why not.
     fn take(&mut self, mode: Mode, target: Target<N>) -> Result<Result<(), String>, ClientError> {
+        let is_first = self.pacer.is_none();
         let pacer = match &mut self.pacer {
             Some(pacer) => pacer,
             none => {
@@ -189,13 +211,17 @@ impl<'a, const N: usize> Session<'a, N> {
                 none.insert(pacer)
             }
         };
-        self.wanted = mode;
-        Ok(pacer.push(target).map_err(|error| {
-            if matches!(error, TargetError::Late { .. }) {
-                self.late = self.late.saturating_add(1);
-            }
-            format!("t: {error}")
-        }))
+        let Err(error) = pacer.push(target) else {
+            self.wanted = mode;
+            return Ok(Ok(()));
+        };
+        if is_first {
+            self.pacer = None;
+        }
+        if matches!(error, TargetError::Late { .. }) {
+            self.late = self.late.saturating_add(1);
+        }
+        Ok(Err(format!("t: {error}")))
     }
 
     /// Begins again from what is in force, if the server is not where the pacer believes.

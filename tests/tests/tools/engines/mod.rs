@@ -24,7 +24,7 @@ use crate::firmware::program;
 use crate::python_packages::python_with;
 
 /// Name of a trial, its script, and what that imports.
-const ENGINES: [(&str, &str, &str); 6] = [
+const ENGINES: [(&str, &str, &str); 7] = [
     (
         "pinocchio_moves_the_machines_alike",
         "of_pinocchio.py",
@@ -49,6 +49,11 @@ const ENGINES: [(&str, &str, &str); 6] = [
         "mujoco_is_the_machine_of_a_server",
         "mujoco_as_machine.py",
         "mujoco, numpy",
+    ),
+    (
+        "scipy_interpolates_what_the_pacer_asks_for",
+        "of_pacer.py",
+        "scipy, numpy",
     ),
     (
         "scipy_moves_the_machines_alike",

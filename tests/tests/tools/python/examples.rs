@@ -124,11 +124,12 @@ fn constant_offset() {
 }
 
 fn slow_program() {
-    let pacing = Pacing::new(TickSource::RealTime);
+    let pacing = Pacing::new(TickSource::Lockstep);
     // A program that gets no processor for most of a second is not late.
     let options = PaceOptions {
         latency: Duration::from_millis(900),
         period: Duration::from_millis(10),
+        is_hurried: false,
         ..pacing.options()
     };
     let report = pacing.with(&options, |port| {

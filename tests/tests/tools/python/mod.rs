@@ -16,6 +16,7 @@ mod examples;
 mod failures;
 #[cfg(unix)]
 mod keys;
+mod package;
 mod peers;
 
 use std::path::{Path, PathBuf};
@@ -59,7 +60,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         .chain(peers::TRIALS);
     #[cfg(unix)]
     let all = all.chain(keys::TRIALS);
-    all.map(|&(name, check)| trial(name, check)).collect()
+    let all = all.map(|&(name, check)| trial(name, check));
+    all.chain(package::trials()).collect()
 }
 
 fn trial(name: &str, check: Check) -> Trial {

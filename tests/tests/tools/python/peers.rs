@@ -423,7 +423,7 @@ fn phases(recording: &Path) -> Vec<String> {
 
 /// Numbers and texts of the client in Python.
 fn constants() {
-    let script = "import sys, json; sys.path.insert(0, sys.argv[1]); import gantry_tau as g
+    let script = "import sys, json; sys.path.insert(0, sys.argv[1]); from gantry_tau import client as g
 print(json.dumps([g.PHASES, g.CAUSES, g.LIVE, g.GOODBYE_STATES, g.SILENCE_S, g.SAMPLE_STATES, g.FIRST_SAMPLE_STATES, g.CEILING_NM]))";
     let output = python()
         .args(["-c", script])

@@ -5,7 +5,7 @@ import sys
 from unittest import mock
 
 sys.path.insert(0, sys.argv[1])
-import gantry_tau
+from gantry_tau import client as gantry_tau
 
 NONCE = bytes(range(0xa0, 0xb0))
 COOKIE = bytes.fromhex("6dfcabd16bac3d202769bc2b1d78e0e2")

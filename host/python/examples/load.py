@@ -1,9 +1,6 @@
-"""Parts that controllers share: `gantry-tau solve` as a subprocess, and the load on the tool from the force sensor."""
+"""The load on the tool from the force sensor."""
 
-import json
 import math
-import shutil
-import subprocess
 
 # Samples of the tare, one per State: keep the tool unloaded meanwhile.
 TARE_SAMPLES = 1_000
@@ -14,34 +11,14 @@ L2_ROTATION = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 L2_LEVER_M = (0.0, 0.0, -0.08)
 
 
-class Solver:
-    """Kinematics and statics of a robot file, by `gantry-tau solve`: one line of JSON in, one out."""
-
-    def __init__(self, robot, program=None):
-        self.robot = robot
-        program = program or shutil.which("gantry-tau") or "gantry-tau"
-        # In a session of its own: Ctrl-C is for the client, whose end ends the solver as well.
-        self.process = subprocess.Popen([program, "solve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1,
-                                        start_new_session=True)
-
-    def ask(self, op, **arguments):
-        """Returns the answer; raises ValueError with the reason if there is none."""
-        self.process.stdin.write(json.dumps({"robot": self.robot, "op": op, **arguments}) + "\n")
-        self.process.stdin.flush()
-        answer = json.loads(self.process.stdout.readline() or '{"error": {"message": "gantry-tau solve has ended"}}')
-        if "ok" not in answer:
-            raise ValueError(f"gantry-tau solve: {op}: {answer['error']['message']}")
-        return answer["ok"]
-
-
 class Load:
     """Load on the tool from raw samples: tare, low-pass filter, axes of the world, moment about the tool centre point.
 
     The weight of the tool becomes part of the tare; the platform is taken as unturned.
     """
 
-    def __init__(self, cycle_us, rotation=L2_ROTATION, lever_m=L2_LEVER_M):
-        self.rotation, self.lever_m = rotation, lever_m
+    def __init__(self, cycle_us, rotation=L2_ROTATION, lever_m=L2_LEVER_M, tare_samples=TARE_SAMPLES):
+        self.rotation, self.lever_m, self.tare_samples = rotation, lever_m, tare_samples
         self.share = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * cycle_us * 1e-6)
         self.samples, self.sum, self.filtered = 0, [0.0] * 6, [0.0] * 6
 
@@ -49,11 +26,11 @@ class Load:
         """Takes the sample of a cycle; returns force (N) and moment (N m), or None while it tares."""
         if raw is None:
             return None
-        if self.samples < TARE_SAMPLES:
+        if self.samples < self.tare_samples:
             self.samples += 1
             self.sum = [total + value for total, value in zip(self.sum, raw)]
             return None
-        unloaded = (total / TARE_SAMPLES for total in self.sum)
+        unloaded = (total / self.tare_samples for total in self.sum)
         load = [value - zero for value, zero in zip(raw, unloaded)]
         self.filtered = [old + self.share * (new - old) for old, new in zip(self.filtered, load)]
         force, moment = self._turned(self.filtered[:3]), self._turned(self.filtered[3:])

@@ -47,6 +47,11 @@ import traceback
 import zlib
 from typing import NamedTuple, Optional
 
+__all__ = [
+    "BadKeyFile", "ControllerFailed", "Ended", "Failure", "Incompatible", "Leave", "Limits", "Refused", "Report", "SensorSilent", "State",
+    "Unreachable", "Vanished", "Welcome", "arguments", "main", "run",
+]
+
 # Kinds of frames, modes of a Command, and the phases in which a session lives (wire.md).
 HELLO, WELCOME, COMMAND, STATE, GOODBYE, REFUSAL, KEYED_HELLO, CHALLENGE = 1, 2, 3, 4, 5, 7, 8, 9
 SUBMIT, OBTAIN = 1, 2

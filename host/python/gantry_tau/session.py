@@ -1,0 +1,152 @@
+"""A session with the server for a program that is slower than its cycle."""
+
+import collections
+import json
+import math
+import subprocess
+import tempfile
+import threading
+from typing import NamedTuple, Optional
+
+from .client import Ended
+from .program import path
+
+
+class PacedState(NamedTuple):
+    """The machine at a time of the server. Lists have one entry per axis."""
+
+    t: float                    # the server's time, s
+    phase: str                  # "submit" or "obtain"
+    nominal_mm: list            # the machine's own reference
+    offset_um: list             # the offset in force
+    actual_mm: list             # measured
+    force_n: Optional[list]     # of the force sensor, in its axes; None without a sample
+    moment_nm: Optional[list]   # N m
+    late: int                   # targets of this session that came too late
+    limited: int                # steps of this session that the server held back
+
+
+class Session:
+    """A session, held by `gantry-tau pace` in a process of its own, which no pause of the interpreter delays.
+
+        with Session("127.0.0.1:7000") as session:
+            for state in session:
+                session.target([10.0, 0.0, 0.0], t=state.t)
+
+    A target is played `latency_s` after its time, on straight lines between one and the next. Without a target for `hold_s` the offsets stay
+    where they are, without one for `give_up_s` the session ends. Whatever ends it, the server ramps the offsets to zero.
+
+    `server` is "HOST:PORT", `robot` the machine ("l2", "f1" or a robot file), `key` a key file, `rate_hz` the States per second.
+    Raises `Ended`, with the cause, when the session cannot begin, and from every method once it has ended.
+    """
+
+    def __init__(self, server="127.0.0.1:7000", *, robot="l2", key=None, udp=False, rate_hz=100, latency_s=0.066, hold_s=0.2, give_up_s=1.0):
+        command = [path(), "pace", server, "--stdio", f"--robot={robot}", f"--rate={rate_hz}", f"--latency-ms={_ms(latency_s)}",
+                   f"--hold-ms={_ms(hold_s)}", f"--give-up-ms={_ms(give_up_s)}"]
+        command += [f"--key={key}"] if key is not None else []
+        command += ["--udp"] if udp else []
+        self._log = tempfile.TemporaryFile()
+        # In a session of its own: Ctrl-C is for the caller, whose end ends the pacer as well.
+        self._pacer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, start_new_session=True)
+        self._changed = threading.Condition()
+        self._state = None
+        self._count = 0
+        self._cause = None
+        self.refused = collections.deque(maxlen=16)
+        """Why targets were refused, the newest last."""
+        threading.Thread(target=self._read, daemon=True).start()
+        try:
+            self.wait()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def state(self):
+        """The newest `PacedState`."""
+        with self._changed:
+            return self._alive()
+
+    def wait(self, count=None):
+        """Waits for a State that is newer than the one of this number, by default the newest, and returns it."""
+        with self._changed:
+            seen = self._count if count is None else count
+            self._changed.wait_for(lambda: self._cause is not None or self._count > seen)
+            return self._alive()
+
+    def __iter__(self):
+        """Yields each new State. What came while the program was busy is left out."""
+        seen = 0
+        while True:
+            state = self.wait(seen)
+            with self._changed:
+                seen = self._count
+            yield state
+
+    def target(self, offset_um, t=None, mode="obtain"):
+        """Asks for position offsets, um, one per axis, at a time of the server, by default that of the newest State.
+
+        `mode`: "obtain", or "submit", in which the server computes and no drive sees an offset. A target that the pacer refuses, for instance
+        one that is too late, is told in `refused`.
+        """
+        state = self.state
+        offsets = [float(offset) for offset in offset_um]
+        if len(offsets) != len(state.offset_um):
+            raise ValueError(f"offset_um: {len(offsets)} numbers for {len(state.offset_um)} axes")
+        t = state.t if t is None else float(t)
+        if not all(map(math.isfinite, [t, *offsets])):
+            raise ValueError(f"offset_um {offsets} at {t} s: not all numbers are finite")
+        line = json.dumps({"mode": mode, "t": t, "offset_um": offsets})
+        try:
+            self._pacer.stdin.write(line.encode() + b"\n")
+            self._pacer.stdin.flush()
+        except (OSError, ValueError):
+            self._wait_for_end()
+
+    def close(self):
+        """Ends the session with a Goodbye."""
+        if not self._pacer.stdin.closed:
+            try:
+                self._pacer.stdin.close()
+            except OSError:
+                pass  # The pacer has ended already.
+        self._pacer.wait()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _alive(self):
+        if self._cause is not None:
+            raise Ended(self._cause)
+        return self._state
+
+    def _wait_for_end(self):
+        with self._changed:
+            self._changed.wait_for(lambda: self._cause is not None)
+            self._alive()
+
+    def _read(self):
+        """Takes the lines of the pacer until they end; the last error is the cause."""
+        last_error = None
+        for line in self._pacer.stdout:
+            row = json.loads(line)
+            with self._changed:
+                last_error = row.get("error")
+                if last_error is None:
+                    self._state, self._count = PacedState(**row), self._count + 1
+                else:
+                    self.refused.append(last_error)
+                self._changed.notify_all()
+        self._pacer.wait()
+        self._log.seek(0)
+        said = self._log.read().decode(errors="replace").strip()
+        with self._changed:
+            self._cause = last_error or said or "the session was closed"
+            self._changed.notify_all()
+
+
+def _ms(seconds):
+    return round(seconds * 1e3)
