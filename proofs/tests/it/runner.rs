@@ -972,6 +972,22 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
         let said = out(&strict(&toy));
         assert!(
             said.contains(
+                "whose property has no line \"Composed as: `nominal_that_stands_is_within`.\""
+            ),
+            "{said}"
+        );
+        let property = "proofs/src/properties/channel.rs";
+        let source = toy.read(property);
+        toy.write(
+            property,
+            &source.replace(
+                "Composed as: ",
+                "Composed as: `nominal_that_stands_is_within`, ",
+            ),
+        );
+        let said = out(&strict(&toy));
+        assert!(
+            said.contains(
                 "STALE: nominal_that_stands_is_within (its axiom quotes \"T5: the measure"
             ) && said.contains("STALE: composition (Coq has not"),
             "{said}"
