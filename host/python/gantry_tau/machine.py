@@ -1,6 +1,15 @@
 """Kinematics and statics of a machine, on numpy arrays."""
 
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Callable
+
 from .program import Solver
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+    from numpy.typing import ArrayLike
 
 
 class Machine:
@@ -20,45 +29,46 @@ class Machine:
     rows.
     """
 
-    def __init__(self, robot="l2"):
+    def __init__(self, robot: str | os.PathLike[str] = "l2"):
         self._solver = Solver(robot)
 
-    def fk(self, q):
+    def fk(self, q: ArrayLike) -> tuple[ndarray, ndarray]:
         """Returns `T` and `R` of the drive coordinates."""
         answers = self._ask("fk", q=(q, 1))
         return answers("T"), answers("R")
 
-    def ik(self, T, R=None):
+    def ik(self, T: ArrayLike, R: ArrayLike | None = None) -> ndarray:
         """Returns the drive coordinates of a pose."""
         return self._ask("ik", T=(T, 1), R=(R, 2))("q")
 
-    def jacobian(self, T, R=None):
-        """Returns dq/dx, one row per axis, columns (position, rotation vector) in world axes: as of `solve`."""
+    def jacobian(self, T: ArrayLike, R: ArrayLike | None = None) -> ndarray:
+        """Returns dx/dq, one column per axis: 3x3 of an L2, the velocity of the tool centre point (world axes, m per q-unit); 6x6 of an F1, with
+        the angular velocity (rad per q-unit) below it."""
         return self._ask("jacobian", T=(T, 1), R=(R, 2))("J")
 
-    def compliance(self, T, R=None):
+    def compliance(self, T: ArrayLike, R: ArrayLike | None = None) -> ndarray:
         """Returns the compliance of the tool, 6x6: displacement (m, rad) per force (N) and moment (N m)."""
         return self._ask("compliance", T=(T, 1), R=(R, 2))("C")
 
-    def deflection(self, T, w, R=None):
+    def deflection(self, T: ArrayLike, w: ArrayLike, R: ArrayLike | None = None) -> ndarray:
         """Returns the displacement of the tool under a load, (..., 6): m, and a rotation vector in rad. With the drives held."""
         return self._ask("deflection", T=(T, 1), w=(w, 1), R=(R, 2))("dx_total")
 
-    def compensate(self, T, w, R=None):
+    def compensate(self, T: ArrayLike, w: ArrayLike, R: ArrayLike | None = None) -> ndarray:
         """Returns the drive coordinates that hold the tool at `T`, `R` under the load."""
         return self._ask("compensate", T=(T, 1), w=(w, 1), R=(R, 2))("q")
 
-    def close(self):
+    def close(self) -> None:
         """Ends the program behind it."""
         self._solver.close()
 
-    def __enter__(self):
+    def __enter__(self) -> Machine:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _ask(self, op, **arguments):
+    def _ask(self, op: str, **arguments: tuple[ArrayLike | None, int]) -> Callable[[str], ndarray]:
         """Asks for every pose. Arguments come with the number of dimensions of one."""
         import numpy
 
@@ -74,7 +84,7 @@ class Machine:
         count = int(numpy.prod(shape))
         answers = self._solver.ask_all({"op": op, **{name: values[index] for name, values in rows.items()}} for index in range(count))
 
-        def result(name):
+        def result(name: str) -> ndarray:
             array = numpy.array([answer[name] for answer in answers], dtype=float)
             return array.reshape(shape + array.shape[1:])
 

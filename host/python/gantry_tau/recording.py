@@ -1,11 +1,18 @@
 """Recordings (`--record` of serve, client, demo and monitor) as numpy arrays."""
 
+from __future__ import annotations
+
 import csv
 import json
 import os
 import subprocess
 
+from typing import TYPE_CHECKING
+
 from .program import ProgramFailed, path as program_path
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 # Ends of names, the longest first, and what they stand for.
 UNITS = {"_um_s": "um/s", "_permille": "permille", "_n_m": "N m", "_nm": "nm", "_um": "um", "_mm": "mm", "_rad": "rad", "_ms": "ms",
@@ -22,12 +29,12 @@ class Recording(dict):
     """
 
     @property
-    def units(self):
+    def units(self) -> dict[str, str]:
         """Units of the columns whose name has one."""
         found = {name: next((unit for end, unit in UNITS.items() if name.endswith(end)), None) for name in self}
         return {name: unit for name, unit in found.items() if unit}
 
-    def frame(self, sample=None):
+    def frame(self, sample: str | None = None) -> DataFrame:
         """Returns a table of pandas, of one sample where there are several. Its index is the tick."""
         import pandas
 
@@ -44,7 +51,7 @@ class Recording(dict):
         return pandas.DataFrame(columns).set_index("tick")
 
 
-def read(path):
+def read(path: str | os.PathLike[str]) -> Recording:
     """Reads a recording, its format by its extension: .csv, .labcomm (which `gantry-tau` decodes), or .mcap (with PyPI's `mcap`).
 
     An incomplete last row, of a program that was killed, is left out.
@@ -57,7 +64,7 @@ def read(path):
     return Recording(readers[extension](path))
 
 
-def _csv(path):
+def _csv(path: str) -> dict:
     import numpy
 
     with open(path, newline="") as file:
@@ -82,10 +89,11 @@ def _array(numpy, column):
         return numpy.array(column)
 
 
-def _labcomm(path):
+def _labcomm(path: str) -> dict:
     decoder = subprocess.Popen([program_path(), "labcomm", "decode", path], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
-    samples = {}
+    samples: dict[str, list[dict]] = {}
     error = None
+    assert decoder.stdout
     with decoder:
         for line in decoder.stdout:
             event = json.loads(line)
@@ -99,12 +107,12 @@ def _labcomm(path):
     return _columns(samples)
 
 
-def _mcap(path):
+def _mcap(path: str) -> dict:
     try:
         from mcap.reader import make_reader
     except ImportError as missing:
         raise ImportError("recordings as MCAP need the package mcap: pip install mcap") from missing
-    samples = {}
+    samples: dict[str, list[dict]] = {}
     with open(path, "rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
             if channel.topic != "/scene":
@@ -112,7 +120,7 @@ def _mcap(path):
     return _columns(samples)
 
 
-def _columns(samples):
+def _columns(samples: dict[str, list[dict]]) -> dict:
     import numpy
 
     columns = {}

@@ -1,11 +1,15 @@
 """A session with the server for a program that is slower than its cycle."""
 
+from __future__ import annotations
+
 import collections
 import json
 import math
+import os
 import subprocess
 import tempfile
 import threading
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Optional
 
 from .client import Ended
@@ -15,15 +19,15 @@ from .program import path
 class PacedState(NamedTuple):
     """The machine at a time of the server. Lists have one entry per axis."""
 
-    t: float                    # the server's time, s
-    phase: str                  # "submit" or "obtain"
-    nominal_mm: list            # the machine's own reference
-    offset_um: list             # the offset in force
-    actual_mm: list             # measured
-    force_n: Optional[list]     # of the force sensor, in its axes; None without a sample
-    moment_nm: Optional[list]   # N m
-    late: int                   # targets of this session that came too late
-    limited: int                # steps of this session that the server held back
+    t: float                           # the server's time, s
+    phase: str                         # "submit" or "obtain"
+    nominal_mm: list[float]            # the machine's own reference
+    offset_um: list[float]             # the offset in force
+    actual_mm: list[float]             # measured
+    force_n: Optional[list[float]]     # of the force sensor, in its axes; None without a sample
+    moment_nm: Optional[list[float]]   # N m
+    late: int                          # targets of this session that came too late
+    limited: int                       # steps of this session that the server held back
 
 
 class Session:
@@ -40,7 +44,8 @@ class Session:
     Raises `Ended`, with the cause, when the session cannot begin, and from every method once it has ended.
     """
 
-    def __init__(self, server="127.0.0.1:7000", *, robot="l2", key=None, udp=False, rate_hz=100, latency_s=0.066, hold_s=0.2, give_up_s=1.0):
+    def __init__(self, server: str = "127.0.0.1:7000", *, robot: str | os.PathLike[str] = "l2", key: str | os.PathLike[str] | None = None,
+                 udp: bool = False, rate_hz: int = 100, latency_s: float = 0.066, hold_s: float = 0.2, give_up_s: float = 1.0):
         command = [path(), "pace", server, "--stdio", f"--robot={robot}", f"--rate={rate_hz}", f"--latency-ms={_ms(latency_s)}",
                    f"--hold-ms={_ms(hold_s)}", f"--give-up-ms={_ms(give_up_s)}"]
         command += [f"--key={key}"] if key is not None else []
@@ -48,11 +53,13 @@ class Session:
         self._log = tempfile.TemporaryFile()
         # In a session of its own: Ctrl-C is for the caller, whose end ends the pacer as well.
         self._pacer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, start_new_session=True)
+        assert self._pacer.stdin and self._pacer.stdout
+        self._targets, self._rows = self._pacer.stdin, self._pacer.stdout
         self._changed = threading.Condition()
-        self._state = None
+        self._state: PacedState | None = None
         self._count = 0
-        self._cause = None
-        self.refused = collections.deque(maxlen=16)
+        self._cause: str | None = None
+        self.refused: collections.deque[str] = collections.deque(maxlen=16)
         """Why targets were refused, the newest last."""
         threading.Thread(target=self._read, daemon=True).start()
         try:
@@ -62,19 +69,19 @@ class Session:
             raise
 
     @property
-    def state(self):
+    def state(self) -> PacedState:
         """The newest `PacedState`."""
         with self._changed:
             return self._alive()
 
-    def wait(self, count=None):
+    def wait(self, count: int | None = None) -> PacedState:
         """Waits for a State that is newer than the one of this number, by default the newest, and returns it."""
         with self._changed:
             seen = self._count if count is None else count
             self._changed.wait_for(lambda: self._cause is not None or self._count > seen)
             return self._alive()
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[PacedState]:
         """Yields each new State. What came while the program was busy is left out."""
         seen = 0
         while True:
@@ -83,7 +90,7 @@ class Session:
                 seen = self._count
             yield state
 
-    def target(self, offset_um, t=None, mode="obtain"):
+    def target(self, offset_um: Sequence[float], t: float | None = None, mode: str = "obtain") -> None:
         """Asks for position offsets, um, one per axis, at a time of the server, by default that of the newest State.
 
         `mode`: "obtain", or "submit", in which the server computes and no drive sees an offset. A target that the pacer refuses, for instance
@@ -98,29 +105,30 @@ class Session:
             raise ValueError(f"offset_um {offsets} at {t} s: not all numbers are finite")
         line = json.dumps({"mode": mode, "t": t, "offset_um": offsets})
         try:
-            self._pacer.stdin.write(line.encode() + b"\n")
-            self._pacer.stdin.flush()
+            self._targets.write(line.encode() + b"\n")
+            self._targets.flush()
         except (OSError, ValueError):
             self._wait_for_end()
 
-    def close(self):
+    def close(self) -> None:
         """Ends the session with a Goodbye."""
-        if not self._pacer.stdin.closed:
+        if not self._targets.closed:
             try:
-                self._pacer.stdin.close()
+                self._targets.close()
             except OSError:
                 pass  # The pacer has ended already.
         self._pacer.wait()
 
-    def __enter__(self):
+    def __enter__(self) -> Session:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _alive(self):
+    def _alive(self) -> PacedState:
         if self._cause is not None:
             raise Ended(self._cause)
+        assert self._state is not None
         return self._state
 
     def _wait_for_end(self):
@@ -128,10 +136,10 @@ class Session:
             self._changed.wait_for(lambda: self._cause is not None)
             self._alive()
 
-    def _read(self):
+    def _read(self) -> None:
         """Takes the lines of the pacer until they end; the last error is the cause."""
         last_error = None
-        for line in self._pacer.stdout:
+        for line in self._rows:
             row = json.loads(line)
             with self._changed:
                 last_error = row.get("error")
@@ -148,5 +156,5 @@ class Session:
             self._changed.notify_all()
 
 
-def _ms(seconds):
+def _ms(seconds: float) -> int:
     return round(seconds * 1e3)

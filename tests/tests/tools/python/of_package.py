@@ -1,4 +1,6 @@
-"""The package gantry_tau, beside the program: of_package.py PROGRAM FOLDER, that of host/python. Needs numpy, pandas and mcap."""
+"""The package gantry_tau, beside the program: of_package.py PROGRAM FOLDER, that of host/python. Needs numpy, pandas,
+mcap and mypy.
+"""
 
 import ctypes
 import json
@@ -47,6 +49,11 @@ def machines_are_solve_to_the_bit():
                 for at in [(0, 0), (3, 4)]:
                     expected = solved(robot, op=op, T=T[at].tolist(), w=load)[name]
                     assert array[at].tolist() == expected, op
+            step = 1e-6 * numpy.eye(3)[0]
+            per_m = (machine.ik(T + step) - machine.ik(T - step)) / 2e-6
+            moved = (machine.jacobian(T) @ per_m[..., None])[..., 0]
+            # Differences of a function with a radius of some tenths of a metre, over 2 um.
+            assert abs(moved - numpy.eye(moved.shape[-1])[0]).max() < 1e-8, "the Jacobian is not that of ik"
             again, R = machine.fk(q)
             assert abs(again - T).max() < 1e-9 and R.shape == (4, 5, 3, 3)
             one = machine.ik(T[0, 0])
@@ -159,6 +166,12 @@ def an_absent_server_is_an_end_with_its_cause():
     raised(Ended, "nowhere.key", lambda: Session("127.0.0.1:1", key="nowhere.key"))
 
 
+def types_are_as_written():
+    checked = subprocess.run([sys.executable, "-m", "mypy", "--ignore-missing-imports", "--cache-dir", os.devnull, "-p", "gantry_tau"], cwd=PACKAGE, capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
+types_are_as_written()
 machines_are_solve_to_the_bit()
 wrong_arguments_are_named()
 with tempfile.TemporaryDirectory() as folder:

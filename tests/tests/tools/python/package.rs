@@ -17,7 +17,7 @@ pub(super) fn trials() -> Vec<Trial> {
     [
         trial(
             "package_says_what_the_program_says",
-            "numpy, pandas, mcap",
+            "numpy, pandas, mcap, mypy",
             package,
         ),
         trial(
