@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Callable
 
-from .program import Solver
+from .program import SolveError, Solver
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -26,11 +26,18 @@ class Machine:
     | `w` | (..., 6) | force (N) and moment about the tool centre point (N m), world axes, of the environment on the platform |
 
     Numbers are those of `gantry-tau solve`, to the bit. A pose without an answer raises `SolveError`; its `index` counts the poses in order of
-    rows.
+    rows. A robot file that cannot be used raises it at once.
     """
 
     def __init__(self, robot: str | os.PathLike[str] = "l2"):
         self._solver = Solver(robot)
+        try:
+            self._solver.ask("ik", T=[0.0, 0.0, 0.0])
+        except SolveError as failure:
+            # Whether that place is within reach does not matter.
+            if failure.kind == "bad_robot":
+                self._solver.close()
+                raise
 
     def fk(self, q: ArrayLike) -> tuple[ndarray, ndarray]:
         """Returns `T` and `R` of the drive coordinates."""

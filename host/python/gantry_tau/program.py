@@ -36,7 +36,7 @@ def path() -> str:
     of_wheel = os.path.join(sysconfig.get_path("scripts"), NAME)
     found = of_wheel if os.path.exists(of_wheel) else shutil.which("gantry-tau")
     if found is None:
-        raise ProgramFailed("gantry-tau is not in the PATH: pip install gantry-tau, or set GANTRY_TAU to the program")
+        raise ProgramFailed("the program gantry-tau is neither in this environment nor in the PATH; the variable GANTRY_TAU may name it")
     return found
 
 
@@ -44,8 +44,14 @@ def run(*arguments: str) -> tuple[int, str]:
     """Runs a command to its end. Returns its exit code, 0 or 3 (done, and to be doubted), and what it printed."""
     ended = subprocess.run([path(), *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if ended.returncode not in (0, 3):
-        raise ProgramFailed(ended.stderr.strip().removeprefix("gantry-tau: ") or f"exit code {ended.returncode}")
+        raise ProgramFailed(sentence(ended.stderr) or f"exit code {ended.returncode}")
     return ended.returncode, ended.stdout
+
+
+def sentence(said: str) -> str:
+    """Returns what the program says of an error, without its name and the hint at its help."""
+    lines = [line for line in said.strip().splitlines() if line and not line.startswith("For more information")]
+    return "\n".join(lines).removeprefix("gantry-tau: ").removeprefix("error: ")
 
 
 class Solver:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Optional
 
 from .client import Ended
-from .program import path
+from .program import path, sentence
 
 
 class PacedState(NamedTuple):
@@ -93,10 +93,14 @@ class Session:
     def target(self, offset_um: Sequence[float], t: float | None = None, mode: str = "obtain") -> None:
         """Asks for position offsets, um, one per axis, at a time of the server, by default that of the newest State.
 
-        `mode`: "obtain", or "submit", in which the server computes and no drive sees an offset. A target that the pacer refuses, for instance
-        one that is too late, is told in `refused`.
+        `mode`: "obtain", or "submit", in which the server computes and no drive sees an offset. What only the pacer can know, that a target is
+        too late or beyond the server's limits, is told in `refused`; the session goes on.
         """
         state = self.state
+        if mode not in ("submit", "obtain"):
+            raise ValueError(f"mode: {mode!r} is neither 'submit' nor 'obtain'")
+        if not hasattr(offset_um, "__iter__"):
+            raise ValueError(f"offset_um: one number for {len(state.offset_um)} axes")
         offsets = [float(offset) for offset in offset_um]
         if len(offsets) != len(state.offset_um):
             raise ValueError(f"offset_um: {len(offsets)} numbers for {len(state.offset_um)} axes")
@@ -104,10 +108,7 @@ class Session:
         if not all(map(math.isfinite, [t, *offsets])):
             raise ValueError(f"offset_um {offsets} at {t} s: not all numbers are finite")
         line = json.dumps({"mode": mode, "t": t, "offset_um": offsets})
-        try:
-            self._targets.write(line.encode() + b"\n")
-            self._targets.flush()
-        except (OSError, ValueError):
+        if not self._sent(line):
             self._wait_for_end()
 
     def close(self) -> None:
@@ -124,6 +125,15 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _sent(self, line: str) -> bool:
+        """False if the pacer has ended."""
+        try:
+            self._targets.write(line.encode() + b"\n")
+            self._targets.flush()
+        except (OSError, ValueError):
+            return False
+        return True
 
     def _alive(self) -> PacedState:
         if self._cause is not None:
@@ -150,7 +160,7 @@ class Session:
                 self._changed.notify_all()
         self._pacer.wait()
         self._log.seek(0)
-        said = self._log.read().decode(errors="replace").strip()
+        said = sentence(self._log.read().decode(errors="replace"))
         with self._changed:
             self._cause = last_error or said or "the session was closed"
             self._changed.notify_all()

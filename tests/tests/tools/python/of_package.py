@@ -71,7 +71,7 @@ def wrong_arguments_are_named():
         raised(ValueError, "T has 0 dimensions, and needs 1", lambda: machine.ik(0.5))
         raised(ValueError, "T", lambda: machine.ik([0.0, 0.5]))
         assert machine.ik(T[:5]).shape == (5, 3), "a refused question ends nothing"
-    raised(ValueError, "nowhere.toml", lambda: Machine("nowhere.toml").ik([0.0, 0.5, 0.65]))
+    raised(ValueError, "nowhere.toml", lambda: Machine("nowhere.toml"))
     raised(ValueError, "a recording is a file of", lambda: recording.read("run.txt"))
     raised(ProgramFailed, "nowhere.toml", lambda: gantry_tau.identify("nowhere.toml", "out.toml"))
 
@@ -139,6 +139,8 @@ def pauses_of_the_interpreter_end_nothing():
         assert (state.late, state.limited) == (0, 0), state
         raised(ValueError, "2 numbers for 3 axes", lambda: session.target([0.0, 0.0]))
         raised(ValueError, "not all numbers are finite", lambda: session.target([0.0, 0.0, float("inf")]))
+        raised(ValueError, "one number for 3 axes", lambda: session.target(5.0))
+        raised(ValueError, "neither 'submit' nor 'obtain'", lambda: session.target([0.0, 0.0, 0.0], mode="Obtain"))
         session.target([5000.0, 0.0, 0.0])
         while not session.refused:
             session.wait()
@@ -163,6 +165,8 @@ def a_server_that_stops_is_an_end_with_its_cause():
 def an_absent_server_is_an_end_with_its_cause():
     raised(Ended, "cannot be reached", lambda: Session("127.0.0.1:1"))
     raised(Ended, "--give-up-ms", lambda: Session("127.0.0.1:1", hold_s=2.0, give_up_s=1.0))
+    said = str(raised(Ended, "invalid value 'localhost'", lambda: Session("localhost")))
+    assert "\n" not in said and not said.startswith("error"), said
     raised(Ended, "nowhere.key", lambda: Session("127.0.0.1:1", key="nowhere.key"))
 
 

@@ -60,29 +60,47 @@ def install(folder, wheel):
     return programs
 
 
-def hold(folder, programs):
+def hold(folder, programs_folder):
     """Runs a server and the controller, and judges the recording."""
     work = os.path.join(folder, "work")
     os.mkdir(work)
-    environment = {"PATH": f"{programs}:/usr/bin:/bin", "STATE_DIRECTORY": work, "HOME": work}
+    environment = {"PATH": f"{programs_folder}:/usr/bin:/bin", "STATE_DIRECTORY": work, "HOME": work}
     for name in ("slow_compensation.py", "load.py"):
         with open(os.path.join(ROOT, "host/python/examples", name)) as example, open(os.path.join(work, name), "w") as copy:
             copy.write(example.read())
     where = {"cwd": work, "env": environment, "text": True}
-    serve = ["gantry-tau", "serve", "--pace", "lockstep", "--quasi-static", "--listen", "127.0.0.1:0", "--record", "run.csv"]
-    server = subprocess.Popen([os.path.join(programs, serve[0]), *serve[1:]], stdout=subprocess.PIPE, **where)
-    address = server.stdout.readline().split()[2].rstrip(",;")
-    python = os.path.join(programs, "python3")
+    server, address = serve(programs_folder, where, "--record", "run.csv")
+    python = os.path.join(programs_folder, "python3")
     held = subprocess.run([python, "slow_compensation.py", address, "--seconds", "14"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, **where)
     server.terminate()
     server.wait()
     assert held.returncode == 0, held.stderr
     subprocess.run([python, "-c", JUDGE, "run.csv"], check=True, **where)
+    run_page(python, programs_folder, where)
+
+
+def run_page(python, programs_folder, where):
+    """Runs the programs of docs/python.md in the folder with the recording, and compares what they print."""
     with open(os.path.join(ROOT, "docs/python.md")) as page:
-        programs = re.findall(r"^```python\n(.*?)^```$", page.read(), re.DOTALL | re.MULTILINE)
-    assert len(programs) == 2, "the programs of docs/python.md"
-    for program in programs:
-        subprocess.run([python, "-c", program], check=True, **where)
+        programs = re.findall(r"^```python\n(.*?)^```\n\n```text\n(.*?)^```$", page.read(), re.DOTALL | re.MULTILINE)
+    assert len(programs) == 3, "the programs of docs/python.md, with what they print"
+    server, address = serve(programs_folder, where)
+    for program, shown in programs:
+        program = program.replace("127.0.0.1:7000", address)
+        said = subprocess.run([python, "-c", program], stdout=subprocess.PIPE, check=True, **where).stdout
+        rest = said
+        for piece in re.split(r"\.\.\.|\n", shown):
+            assert piece.strip() in rest, f"{said}does not show\n{shown}"
+            rest = rest.split(piece.strip(), 1)[1] if piece.strip() else rest
+    server.terminate()
+    server.wait()
+
+
+def serve(programs_folder, where, *options):
+    """Starts a server of the wheel; returns it and its address."""
+    command = [os.path.join(programs_folder, "gantry-tau"), "serve", "--pace", "lockstep", "--quasi-static", "--listen", "127.0.0.1:0"]
+    server = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, **where)
+    return server, server.stdout.readline().split()[2].rstrip(",;")
 
 
 main()
