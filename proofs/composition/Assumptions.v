@@ -18,6 +18,7 @@ Print Assumptions T7_others_decide_nothing.
 Print Assumptions T9_a_stop_is_not_forgotten.
 Print Assumptions T9_latch_outlives_the_server.
 Print Assumptions T9_a_stuck_rearm_leads_nowhere.
+Print Assumptions T18_a_loop_stands_in_time.
 Print Assumptions T21_drives_never_jump.
 Print Assumptions T21_unknown_is_not_written.
 Print Assumptions T21_path_is_waited_for.

@@ -206,6 +206,14 @@ Definition of_T33_end := T33_beyond_the_budget_it_ends three tt shaken follows _
   ltac:(apply plays_is_a_run; [exact a_run_to_obtain | vm_compute; reflexivity])
   (after_is_a_tick shaken follows ltac:(computed)) ltac:(computed) ltac:(vm_compute; auto) ltac:(computed).
 
+(** A loop at 25 um/s, without a permit, then without an actual value: 15, 5, 0. *)
+Definition of_T18 := T18_a_loop_stands_in_time tt [(false, true); (true, false); (false, false)] (25, false)
+  ltac:(unfold loop_valid; simpl; lia) ltac:(intros input [is_so | [is_so | [is_so | []]]]; subst; simpl; auto).
+Example a_loop_stands :
+  map (fun n => velocity (fold_left (loop_tick tt) (firstn n [(false, true); (true, false); (false, false)]) (25, false)))
+    [1; 2; 3]%nat = [15; 5; 0].
+Proof. reflexivity. Qed.
+
 (** Of the witness the theorems rest on nothing. *)
 Definition theorems := (
   every_state_is_valid,
@@ -221,6 +229,7 @@ Definition theorems := (
   T9_a_stop_is_not_forgotten,
   T9_latch_outlives_the_server,
   T9_a_stuck_rearm_leads_nowhere,
+  T18_a_loop_stands_in_time,
   T21_drives_never_jump,
   T21_unknown_is_not_written,
   T21_path_is_waited_for,

@@ -143,6 +143,15 @@ Module Type FUNCTIONS.
   Parameter nominal_stepped : Z -> Z -> AxisConfig -> nat -> bool.
   Parameter nominal_accelerated : Axis -> Z -> AxisConfig -> bool.
   Parameter is_agitated : Axis -> AxisConfig -> bool.
+  (** The position loop of a drive that takes velocities: its state, and that it is valid. *)
+  Parameters PositionLoop LoopConfig LoopInput : Type.
+  Parameter loop_valid : LoopConfig -> PositionLoop -> Prop.
+  (** The velocity in force, um/s, and what a tick of the ramp takes from it. *)
+  Parameter velocity : PositionLoop -> Z.
+  Parameter velocity_ramp : LoopConfig -> Z.
+  Parameter is_stopped : PositionLoop -> bool.
+  Parameters is_permitted has_actual : LoopInput -> bool.
+  Parameter loop_tick : LoopConfig -> PositionLoop -> LoopInput -> PositionLoop.
 End FUNCTIONS.
 
 (** What rows call valid, within limits, complete. *)
@@ -526,6 +535,26 @@ Module Type ROWS.
   Axiom slot_forgery_is_nothing : N = 3%nat -> forall door bytes,
     is_authentic door bytes = false -> take door bytes = None.
 
+  (** ** Position loops *)
+
+  (* says: "T17: the loop stays valid" *)
+  Axiom position_loop_references_are_bounded : forall c l input,
+    loop_valid c l -> loop_valid c (loop_tick c l input).
+
+  (* says: "T18: without a permit it stops" *)
+  (* says: "T18: without an actual value it stops" *)
+  (* says: "T18: a bound from above falls by rho" *)
+  (* says: "T18: a bound from below falls by rho" *)
+  Axiom position_loop_stops_with_its_ramp : forall c l input bound,
+    loop_valid c l -> 0 <= bound <= 4294967295 ->
+    let after := loop_tick c l input in
+    let lowered := Z.max 0 (bound - velocity_ramp c) in
+    (is_permitted input = false -> is_stopped after = true) /\
+    (has_actual input = false -> is_stopped after = true) /\
+    (is_stopped after = true ->
+      (Z.abs (velocity l) <= bound -> Z.abs (velocity after) <= lowered) /\
+      (bound <= Z.abs (velocity l) -> lowered <= Z.abs (velocity after))).
+
   (** ** The start *)
 
   Axiom total_start : N = 3%nat -> starts.
@@ -539,6 +568,9 @@ Module Type ROWS.
   Axiom type_budget : forall g r, refill g = Some r -> 0 <= r <= 1000000.
   (** [Config::new] refuses others. *)
   Axiom type_config : forall c, (0 < handshake_ticks (rules c))%nat.
+
+  (** A velocity is an [i32]; [Limits::new] refuses a negative ramp. *)
+  Axiom type_loop : forall c l, loop_valid c l -> Z.abs (velocity l) <= 2147483648 /\ 0 <= velocity_ramp c.
 
   (** ** Read from the source *)
 

@@ -1206,4 +1206,32 @@ Proof.
 Qed.
 
 End OfThreeAndSixAxes.
+(** * Position loops *)
+
+(** A loop without a permit or an actual value, tick after tick: its velocity falls by the ramp in each,
+    so that it is zero after the velocity over the ramp, rounded up, and not before. *)
+Theorem T18_a_loop_stands_in_time : forall c inputs l, loop_valid c l ->
+  (forall input, In input inputs -> is_permitted input = false \/ has_actual input = false) ->
+  Z.abs (velocity (fold_left (loop_tick c) inputs l)) =
+    Z.max 0 (Z.abs (velocity l) - Z.of_nat (length inputs) * velocity_ramp c).
+Proof.
+  intros c inputs. induction inputs as [|input inputs later]; intros l ok without; simpl fold_left.
+  - simpl. lia.
+  - destruct (type_loop c l ok) as [fits ramps].
+    destruct (position_loop_stops_with_its_ramp c l input (Z.abs (velocity l)) ok ltac:(lia))
+      as [needs_permit [needs_actual falls]].
+    assert (is_stopped (loop_tick c l input) = true) as stops
+      by (destruct (without input (or_introl eq_refl)); auto).
+    destruct (falls stops) as [above below].
+    specialize (above ltac:(lia)). specialize (below ltac:(lia)).
+    rewrite (later (loop_tick c l input)).
+    + replace (Z.abs (velocity (loop_tick c l input)))
+        with (Z.max 0 (Z.abs (velocity l) - velocity_ramp c)) by lia.
+      cbn [length]. rewrite Nat2Z.inj_succ, Z.mul_succ_l.
+      assert (0 <= Z.of_nat (length inputs) * velocity_ramp c) by (apply Z.mul_nonneg_nonneg; lia).
+      lia.
+    + apply position_loop_references_are_bounded. exact ok.
+    + intros other is_in. apply without. right. exact is_in.
+Qed.
+
 End Runs.

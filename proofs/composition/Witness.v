@@ -31,6 +31,22 @@ Definition Door := nat.
 Definition Bytes := (nat * Event)%type.
 Definition Epochs := unit.
 
+(** ** The position loop: a velocity that follows nothing, and whether it is stopped *)
+
+Definition PositionLoop := (Z * bool)%type.
+Definition LoopConfig := unit.
+(** A permit, and an actual value. *)
+Definition LoopInput := (bool * bool)%type.
+Definition loop_valid (_ : LoopConfig) (l : PositionLoop) := Z.abs (fst l) <= 1000.
+Definition velocity (l : PositionLoop) := fst l.
+Definition velocity_ramp (_ : LoopConfig) := 10.
+Definition is_stopped (l : PositionLoop) := snd l.
+Definition is_permitted (input : LoopInput) := fst input.
+Definition has_actual (input : LoopInput) := snd input.
+Definition loop_tick (_ : LoopConfig) (l : PositionLoop) (input : LoopInput) : PositionLoop :=
+  if fst input && snd input then (fst l, false)
+  else (Z.sgn (fst l) * Z.max 0 (Z.abs (fst l) - 10), true).
+
 (** ** The decision *)
 
 Definition goes p own s (b : bool) := {|
@@ -565,6 +581,32 @@ Proof.
 Qed.
 Definition total_start (_ : N = 3%nat) := all_start.
 Definition total_start_of_six (_ : N = 6%nat) := all_start.
+
+Lemma a_ramp_falls : forall v, Z.abs (Z.sgn v * Z.max 0 (Z.abs v - 10)) = Z.max 0 (Z.abs v - 10).
+Proof. intros v. destruct v; simpl Z.sgn; lia. Qed.
+Lemma position_loop_references_are_bounded : forall c l input,
+  loop_valid c l -> loop_valid c (loop_tick c l input).
+Proof.
+  intros c [v stopped] [permit actual] ok. unfold loop_valid, loop_tick in *. simpl in *.
+  destruct (permit && actual); cbn [fst]; [exact ok|]. rewrite a_ramp_falls. lia.
+Qed.
+Lemma position_loop_stops_with_its_ramp : forall c l input bound,
+  loop_valid c l -> 0 <= bound <= 4294967295 ->
+  let after := loop_tick c l input in
+  let lowered := Z.max 0 (bound - velocity_ramp c) in
+  (is_permitted input = false -> is_stopped after = true) /\
+  (has_actual input = false -> is_stopped after = true) /\
+  (is_stopped after = true ->
+    (Z.abs (velocity l) <= bound -> Z.abs (velocity after) <= lowered) /\
+    (bound <= Z.abs (velocity l) -> lowered <= Z.abs (velocity after))).
+Proof.
+  intros c [v stopped] [permit actual] bound ok is_bound.
+  unfold loop_tick, is_stopped, is_permitted, has_actual, velocity, velocity_ramp. cbn [fst snd].
+  destruct permit, actual; cbn [andb fst snd]; repeat split; intros; try discriminate; auto;
+    rewrite a_ramp_falls; lia.
+Qed.
+Lemma type_loop : forall c l, loop_valid c l -> Z.abs (velocity l) <= 2147483648 /\ 0 <= velocity_ramp c.
+Proof. intros c l ok. unfold loop_valid, velocity, velocity_ramp in *. lia. Qed.
 
 Lemma type_limits : forall g k, 0 <= largest (limits g k) /\ 0 <= rho (limits g k).
 Proof. intros. simpl. lia. Qed.

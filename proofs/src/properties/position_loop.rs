@@ -104,6 +104,8 @@ fn is_bounded<U: ChannelUnit>(before: Channel<U>, after: Channel<U>, limits: &Li
 
 /// T17: references of velocity and torque change by at most `S`, their changes by at most `A`, and
 /// they stay within `M`; and the invariant.
+///
+/// Composed as: `position_loop_references_are_bounded`.
 pub fn references_are_bounded(before: &PositionLoop, config: &LoopConfig, input: &LoopInput) {
     let (after, reference) = tick(before, config, input);
     let from = before.parts();
@@ -141,6 +143,8 @@ fn ramps(before: &LoopParts, after: &LoopParts, config: &LoopConfig) {
 /// T18: without a permit or an actual value, or once stopped, the references move by exactly
 /// `min(rho, |value|)` towards zero. So any `bound` of the velocity, from above or below, falls by
 /// `rho`: it is zero after exactly `ceil(|velocity| / rho)` ticks.
+///
+/// Composed as: `position_loop_stops_with_its_ramp`.
 pub fn stops_with_its_ramp(
     before: &PositionLoop,
     config: &LoopConfig,
