@@ -36,27 +36,24 @@ pub fn second_differences_are_bounded(
 ) {
     let after = before.after(from, to, budget);
     let exceeds = after.exceeds(budget);
+    let second_difference = i64::from(to.abs_diff(from));
+    let spent_after = (spent.0)
+        .checked_add(second_difference - i64::from(budget.nm_per_tick.get()))
+        .map(Spent);
+    // A check that fails ends the path, so the theorem stands before what implies it.
+    if let (Some(spent_after), false, true) = (spent_after, exceeds, spent.is_covered(before)) {
+        assert!(
+            u64::try_from(spent_after.0).unwrap_or(0) <= limit_nm(budget),
+            "T33: at most B + r n"
+        );
+        assert!(
+            spent_after.is_covered(after),
+            "T33: what is spent is counted, or was refilled"
+        );
+    }
     assert!(
         exceeds == (u64::from(after.0) > limit_nm(budget)),
         "T33: the limit is a thousand ticks of r"
-    );
-    let second_difference = i64::from(to.abs_diff(from));
-    let Some(spent_after) = (spent.0)
-        .checked_add(second_difference - i64::from(budget.nm_per_tick.get()))
-        .map(Spent)
-    else {
-        return;
-    };
-    if exceeds || !spent.is_covered(before) {
-        return;
-    }
-    assert!(
-        spent_after.is_covered(after),
-        "T33: what is spent is counted, or was refilled"
-    );
-    assert!(
-        u64::try_from(spent_after.0).unwrap_or(0) <= limit_nm(budget),
-        "T33: at most B + r n"
     );
 }
 
@@ -68,11 +65,11 @@ pub fn quiet_is_not_counted(before: Agitation, (from, to): (i32, i32), budget: &
         return;
     }
     let after = before.after(from, to, budget);
-    assert!(after.0 <= before.0, "T33: a quiet tick does not count");
     assert!(
         before.exceeds(budget) || !after.exceeds(budget),
         "T33: a quiet client is not ended"
     );
+    assert!(after.0 <= before.0, "T33: a quiet tick does not count");
 }
 
 /// T33, one axis under any command: in Obtain the second difference of its position offset counts,

@@ -3,10 +3,13 @@
 
 use crate::any;
 
+use gantry_tau_core::control::axis::InForce;
 use gantry_tau_core::control::message::{ClientMessage, Command};
-use gantry_tau_core::control::session::{EVENTS, Event, Events, Input, Start};
+use gantry_tau_core::control::session::{EVENTS, Event, Events, Input, Session, Start};
 use gantry_tau_core::units::{Epoch, EpochRange, PositionNm, Sequence, Tick};
-use gantry_tau_core::verification::control::{Accepted, Axis, Diagnostics, FsmInput, Internals};
+use gantry_tau_core::verification::control::{
+    Accepted, Axis, Diagnostics, FsmInput, Internals, Order,
+};
 use gantry_tau_proofs::properties::agitation::Spent;
 use gantry_tau_proofs::properties::axis::Kind;
 use gantry_tau_proofs::properties::drive::{self, Before};
@@ -15,6 +18,26 @@ use gantry_tau_proofs::properties::{
     agitation, axis, blackbox, channel, fsm, ingress, motors, session, tick,
 };
 use proptest::prelude::*;
+
+/// A server that starts with any values in force, and with its own.
+fn starts<const N: usize>(session: &Session<N>, in_force: [InForce; N], stop_latched: bool) {
+    for in_force in [in_force, session.demanded()] {
+        let start = Start {
+            in_force,
+            stop_latched,
+        };
+        session::starts_as_told(*session.config(), &start);
+    }
+}
+
+/// A tick, its parts and the whole.
+fn steps<const N: usize>(session: &Session<N>, input: &Input<N>, order: &Order<N>, acted: &Axis) {
+    tick::classifies_one_by_one(session, &input.events, &input.epochs);
+    session::tick_is_its_parts(session, input);
+    let input = StepInput::after_events(session, input);
+    session::step_is_right(&input);
+    session::axes_act_by_themselves(&input, order, acted);
+}
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
@@ -75,12 +98,21 @@ proptest! {
 
     #[test]
     fn one_start(session in any::session::<3>(), in_force in any::axes_in_force(), stop_latched: bool) {
-        session::starts_as_told(*session.config(), &Start { in_force, stop_latched });
-        session::starts_as_told(*session.config(), &Start { in_force: session.demanded(), stop_latched });
+        starts(&session, in_force, stop_latched);
+    }
+
+    #[test]
+    fn one_start_of_six_axes(session in any::session::<6>(), in_force in any::axes_in_force(), stop_latched: bool) {
+        starts(&session, in_force, stop_latched);
     }
 
     #[test]
     fn one_write(session in any::session::<3>(), last_write in any::last_write()) {
+        session::settles_any_write(&session, &last_write);
+    }
+
+    #[test]
+    fn one_write_of_six_axes(session in any::session::<6>(), last_write in any::last_write()) {
         session::settles_any_write(&session, &last_write);
     }
 
@@ -91,11 +123,17 @@ proptest! {
     ) {
         let events = Events::from_slice(&events).unwrap();
         let input = Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events };
-        tick::classifies_one_by_one(&session, &input.events, &input.epochs);
-        session::tick_is_its_parts(&session, &input);
-        let input = StepInput::after_events(&session, &input);
-        session::step_is_right(&input);
-        session::axes_act_by_themselves(&input, &order, &acted);
+        steps(&session, &input, &order, &acted);
+    }
+
+    #[test]
+    fn one_step_of_six_axes(
+        session in any::session::<6>(), tick in any::tick_input(), last_write in any::last_write(), epochs in any::epochs(),
+        order in any::order(), (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
+    ) {
+        let events = Events::from_slice(&events).unwrap();
+        let input = Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events };
+        steps(&session, &input, &order, &acted);
     }
 
     #[test]
