@@ -39,6 +39,39 @@ fn steps<const N: usize>(session: &Session<N>, input: &Input<N>, order: &Order<N
     session::axes_act_by_themselves(&input, order, acted);
 }
 
+/// Strategies of six axes need more than the stack of a test.
+fn on_a_large_stack(test: fn()) {
+    let thread = std::thread::Builder::new().stack_size(64 << 20);
+    let ended = thread.spawn(test).unwrap().join();
+    ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+}
+
+#[test]
+fn one_start_and_one_write_of_six_axes() {
+    on_a_large_stack(|| {
+        proptest!(ProptestConfig::with_cases(1_000), |(
+            session in any::session::<6>(), in_force in any::axes_in_force(), stop_latched: bool, last_write in any::last_write(),
+        )| {
+            starts(&session, in_force, stop_latched);
+            session::settles_any_write(&session, &last_write);
+        });
+    });
+}
+
+#[test]
+fn one_step_of_six_axes() {
+    on_a_large_stack(|| {
+        proptest!(ProptestConfig::with_cases(1_000), |(
+            session in any::session::<6>(), tick in any::tick_input(), last_write in any::last_write(), epochs in any::epochs(),
+            order in any::order(), (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
+        )| {
+            let events = Events::from_slice(&events).unwrap();
+            let input = Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events };
+            steps(&session, &input, &order, &acted);
+        });
+    });
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(4_000))]
 
@@ -102,33 +135,13 @@ proptest! {
     }
 
     #[test]
-    fn one_start_of_six_axes(session in any::session::<6>(), in_force in any::axes_in_force(), stop_latched: bool) {
-        starts(&session, in_force, stop_latched);
-    }
-
-    #[test]
     fn one_write(session in any::session::<3>(), last_write in any::last_write()) {
-        session::settles_any_write(&session, &last_write);
-    }
-
-    #[test]
-    fn one_write_of_six_axes(session in any::session::<6>(), last_write in any::last_write()) {
         session::settles_any_write(&session, &last_write);
     }
 
     #[test]
     fn one_step(
         session in any::session::<3>(), tick in any::tick_input(), last_write in any::last_write(), epochs in any::epochs(),
-        order in any::order(), (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
-    ) {
-        let events = Events::from_slice(&events).unwrap();
-        let input = Input { tick, last_write, arrival_us: 0, unauthentic: 0, epochs, events };
-        steps(&session, &input, &order, &acted);
-    }
-
-    #[test]
-    fn one_step_of_six_axes(
-        session in any::session::<6>(), tick in any::tick_input(), last_write in any::last_write(), epochs in any::epochs(),
         order in any::order(), (_, acted) in any::axis(), events in proptest::collection::vec((any::connection(), any::event()), 0..EVENTS),
     ) {
         let events = Events::from_slice(&events).unwrap();
