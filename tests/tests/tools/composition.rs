@@ -7,16 +7,19 @@ use std::process::Command;
 
 use libtest_mimic::{Failed, Trial};
 
+use crate::needing;
+
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
     let is_there = Command::new("coqc").arg("--version").output().is_ok();
-    let is_required = std::env::var_os("GANTRY_TAU_REQUIRE_COQ").is_some_and(|value| value == "1");
-    let trial = Trial::test("composition::is_checked_by_coq", check);
-    vec![if is_there || is_required {
-        trial
-    } else {
-        trial.with_kind("coqc not found").with_ignored_flag(true)
-    }]
+    let missing = (!is_there).then(|| "coqc not found".to_owned());
+    let name = "composition::is_checked_by_coq".to_owned();
+    vec![needing::trial(
+        name,
+        missing,
+        "GANTRY_TAU_REQUIRE_COQ",
+        check,
+    )]
 }
 
 fn check() -> Result<(), Failed> {

@@ -15,6 +15,7 @@ mod firmware;
 mod linuxcnc;
 mod mcap;
 mod monitor;
+mod needing;
 #[cfg(target_os = "linux")]
 mod package;
 mod python;

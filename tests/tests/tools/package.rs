@@ -20,6 +20,7 @@ use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::{has, run};
 use crate::firmware::program;
+use crate::needing;
 
 /// Files of a part each: program, manual, completions, robot files, documentation, units.
 const FILES: [&str; 10] = [
@@ -57,19 +58,12 @@ fn missing(tools: &[&str]) -> Option<String> {
 }
 
 fn trial(name: &str, missing: Option<String>, body: fn() -> Result<(), Failed>) -> Trial {
-    let name = format!("package::{name}");
-    match missing {
-        None => Trial::test(name, body),
-        Some(missing)
-            if std::env::var_os("GANTRY_TAU_REQUIRE_PACKAGE").is_some_and(|value| value == "1") =>
-        {
-            let failed = missing.clone();
-            Trial::test(name, move || Err(failed.into())).with_kind(missing)
-        }
-        Some(missing) => Trial::test(name, body)
-            .with_kind(missing)
-            .with_ignored_flag(true),
-    }
+    needing::trial(
+        format!("package::{name}"),
+        missing,
+        "GANTRY_TAU_REQUIRE_PACKAGE",
+        body,
+    )
 }
 
 /// Folder of this test.

@@ -24,6 +24,8 @@ use std::collections::BTreeSet;
 use libtest_mimic::{Failed, Trial};
 use tools::{Program, has};
 
+use crate::needing;
+
 /// Flags that both compilers must accept without a warning.
 pub(crate) const STRICT: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 const SANITIZED: [&str; 3] = [
@@ -110,18 +112,9 @@ fn trial(
     run: impl FnOnce() -> Result<(), Failed> + Send + 'static,
 ) -> Trial {
     let missing = needed.iter().find(|tool| !has(tool));
+    let missing = missing.map(|tool| format!("{tool} missing"));
     let name = format!("capi::{name}");
-    let Some(missing) = missing else {
-        return Trial::test(name, run);
-    };
-    let kind = format!("{missing} missing");
-    if tools::required() {
-        let reason = kind.clone();
-        return Trial::test(name, move || Err(Failed::from(reason))).with_kind(kind);
-    }
-    Trial::test(name, run)
-        .with_kind(kind)
-        .with_ignored_flag(true)
+    needing::trial(name, missing, "GANTRY_TAU_REQUIRE_CAPI", run)
 }
 
 /// Codes, errors, parts of the black box, and that the header agrees with the sources.

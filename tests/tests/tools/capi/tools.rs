@@ -8,11 +8,6 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use gantry_tau_core::control::axis::Reference;
 use libtest_mimic::Failed;
 
-/// A missing tool is a failure.
-pub(crate) fn required() -> bool {
-    std::env::var_os("GANTRY_TAU_REQUIRE_CAPI").is_some_and(|value| value == "1")
-}
-
 /// True if a program can be started.
 pub(crate) fn has(tool: &str) -> bool {
     Command::new(tool).arg("--version").output().is_ok()

@@ -21,6 +21,7 @@ use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::has;
 use crate::firmware::program;
+use crate::needing;
 use crate::python_packages::python_with;
 
 /// Name of a trial, its script, and what that imports.
@@ -91,23 +92,15 @@ fn python_of(implementation: &str) -> Result<PathBuf, String> {
     python_with("engines", package).ok_or(format!("{package} of Python missing"))
 }
 
-/// Makes a trial that is ignored, or fails where it is required, if its Python is missing.
 fn trial(
     name: String,
     python: Result<PathBuf, String>,
     judge: impl FnOnce(&Path) -> Result<(), Failed> + Send + 'static,
 ) -> Trial {
-    let missing = match python {
-        Ok(python) => return Trial::test(name, move || judge(&python)),
-        Err(missing) => missing,
-    };
-    if std::env::var_os("GANTRY_TAU_REQUIRE_ENGINES").is_some_and(|value| value == "1") {
-        let said = Failed::from(&missing);
-        return Trial::test(name, || Err(said)).with_kind(missing);
-    }
-    Trial::test(name, || Ok(()))
-        .with_kind(missing)
-        .with_ignored_flag(true)
+    let missing = python.as_ref().err().cloned();
+    needing::trial(name, missing, "GANTRY_TAU_REQUIRE_ENGINES", move || {
+        judge(&python?)
+    })
 }
 
 fn judge(python: &Path, script: &str) -> Result<(), Failed> {

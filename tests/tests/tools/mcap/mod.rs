@@ -24,26 +24,25 @@ use gantry_tau_test_support::sessions;
 use libtest_mimic::Trial;
 use serde_json::Value;
 
+use crate::needing;
 use crate::python_packages::python_with;
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
-    let name = "mcap::the_official_reader_reads_what_the_table_has";
-    let kind = "mcap or jsonschema of PyPI missing";
-    let Some(python) = python_with("mcap-reader", "mcap.reader, jsonschema") else {
-        if std::env::var_os("GANTRY_TAU_REQUIRE_MCAP").is_some_and(|value| value == "1") {
-            return vec![Trial::test(name, move || Err(kind.into())).with_kind(kind)];
-        }
-        return vec![
-            Trial::test(name, || Ok(()))
-                .with_kind(kind)
-                .with_ignored_flag(true),
-        ];
-    };
-    vec![Trial::test(name, move || {
-        check(&python);
-        Ok(())
-    })]
+    let python = python_with("mcap-reader", "mcap.reader, jsonschema");
+    let missing = python
+        .is_none()
+        .then(|| "mcap or jsonschema of PyPI missing".to_owned());
+    let name = "mcap::the_official_reader_reads_what_the_table_has".to_owned();
+    vec![needing::trial(
+        name,
+        missing,
+        "GANTRY_TAU_REQUIRE_MCAP",
+        move || {
+            check(&python.unwrap_or_default());
+            Ok(())
+        },
+    )]
 }
 
 fn record_to(path: &Path) -> RecordTo {

@@ -26,6 +26,7 @@ use gantry_tau_test_support::labcomm_port::{Double, HOME_NM, Named, Scene};
 use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::has;
+use crate::needing;
 
 /// Longest wait for a page with a picture; the browser is asked again and again.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -49,17 +50,13 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 /// A trial, if there is a browser.
 fn trial(name: &str, run: fn() -> Result<(), Failed>) -> Trial {
-    let name = format!("monitor::{name}");
-    if has("chromium") {
-        return Trial::test(name, run);
-    }
-    let kind = "chromium missing";
-    if std::env::var_os("GANTRY_TAU_REQUIRE_CHROMIUM").is_some_and(|value| value == "1") {
-        return Trial::test(name, move || Err(Failed::from(kind))).with_kind(kind);
-    }
-    Trial::test(name, run)
-        .with_kind(kind)
-        .with_ignored_flag(true)
+    let missing = (!has("chromium")).then(|| "chromium missing".to_owned());
+    needing::trial(
+        format!("monitor::{name}"),
+        missing,
+        "GANTRY_TAU_REQUIRE_CHROMIUM",
+        run,
+    )
 }
 
 const SCENE: Scene = Scene {

@@ -25,6 +25,7 @@ use std::process::{Command, Stdio};
 use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::has;
+use crate::needing;
 
 /// `host/python`.
 fn folder() -> PathBuf {
@@ -65,15 +66,11 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 fn trial(name: &str, check: Check) -> Trial {
-    let name = format!("python::{name}");
-    if has("python3") {
-        return Trial::test(name, move || passed(check));
-    }
-    let kind = "python3 missing";
-    if std::env::var_os("GANTRY_TAU_REQUIRE_PYTHON").is_some_and(|value| value == "1") {
-        return Trial::test(name, || Err(kind.into())).with_kind(kind);
-    }
-    Trial::test(name, move || passed(check))
-        .with_kind(kind)
-        .with_ignored_flag(true)
+    let missing = (!has("python3")).then(|| "python3 missing".to_owned());
+    needing::trial(
+        format!("python::{name}"),
+        missing,
+        "GANTRY_TAU_REQUIRE_PYTHON",
+        move || passed(check),
+    )
 }

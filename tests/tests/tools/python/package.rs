@@ -10,6 +10,7 @@ use libtest_mimic::{Failed, Trial};
 
 use super::folder;
 use crate::firmware::program;
+use crate::needing;
 use crate::python_packages::python_with;
 
 /// Returns all trials.
@@ -29,20 +30,17 @@ pub(super) fn trials() -> Vec<Trial> {
     .into()
 }
 
-/// Makes a trial that is ignored, or fails where it is required, if its packages are missing.
 fn trial(name: &str, packages: &'static str, judge: fn(&Path) -> Result<(), Failed>) -> Trial {
-    let name = format!("python::{name}");
-    if let Some(python) = python_with("wheel", packages) {
-        return Trial::test(name, move || judge(&python));
-    }
-    let missing = format!("{packages} of PyPI missing");
-    if std::env::var_os("GANTRY_TAU_REQUIRE_WHEEL").is_some_and(|value| value == "1") {
-        let said = Failed::from(&missing);
-        return Trial::test(name, || Err(said)).with_kind(missing);
-    }
-    Trial::test(name, || Ok(()))
-        .with_kind(missing)
-        .with_ignored_flag(true)
+    let python = python_with("wheel", packages);
+    let missing = python
+        .is_none()
+        .then(|| format!("{packages} of PyPI missing"));
+    needing::trial(
+        format!("python::{name}"),
+        missing,
+        "GANTRY_TAU_REQUIRE_WHEEL",
+        move || judge(&python.unwrap_or_default()),
+    )
 }
 
 fn package(python: &Path) -> Result<(), Failed> {

@@ -26,6 +26,7 @@ use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::run;
 use crate::firmware::program;
+use crate::needing;
 use sandbox::{DISK, Sandbox};
 
 /// Most exposure that `systemd-analyze security` may find, in tenths: 0 is none, 100 all. What is
@@ -105,19 +106,12 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 fn trial(name: &str, missing: Option<String>, body: fn() -> Result<(), Failed>) -> Trial {
-    let name = format!("service::{name}");
-    match missing {
-        None => Trial::test(name, body),
-        Some(missing)
-            if std::env::var_os("GANTRY_TAU_REQUIRE_SERVICE").is_some_and(|value| value == "1") =>
-        {
-            let failed = missing.clone();
-            Trial::test(name, move || Err(failed.into())).with_kind(missing)
-        }
-        Some(missing) => Trial::test(name, body)
-            .with_kind(missing)
-            .with_ignored_flag(true),
-    }
+    needing::trial(
+        format!("service::{name}"),
+        missing,
+        "GANTRY_TAU_REQUIRE_SERVICE",
+        body,
+    )
 }
 
 fn succeeds(command: &mut Command) -> bool {

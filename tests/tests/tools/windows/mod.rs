@@ -13,6 +13,7 @@ use gantry_tau_core::control::message::{Cause, Phase};
 use libtest_mimic::{Failed, Trial};
 
 use crate::capi::tools::has;
+use crate::needing;
 use crate::session::{Session, Tool};
 
 const TARGET: &str = "x86_64-pc-windows-gnu";
@@ -26,20 +27,14 @@ fn run() -> Result<(), Failed> {
 
 /// All trials, by name.
 pub(crate) fn trials() -> Vec<Trial> {
-    let name = "windows::client_under_wine_compensates_and_obeys_its_operator";
-    let Some(kind) = missing() else {
-        return vec![Trial::test(name, run)];
-    };
-    let kind = format!("{kind} missing");
-    if std::env::var_os("GANTRY_TAU_REQUIRE_WINDOWS").is_some_and(|value| value == "1") {
-        let reason = kind.clone();
-        return vec![Trial::test(name, move || Err(reason.into())).with_kind(kind)];
-    }
-    vec![
-        Trial::test(name, run)
-            .with_kind(kind)
-            .with_ignored_flag(true),
-    ]
+    let name = "windows::client_under_wine_compensates_and_obeys_its_operator".to_owned();
+    let missing = missing().map(|tool| format!("{tool} missing"));
+    vec![needing::trial(
+        name,
+        missing,
+        "GANTRY_TAU_REQUIRE_WINDOWS",
+        run,
+    )]
 }
 
 /// Returns a tool that is not there.
