@@ -150,11 +150,18 @@ class Session:
         """Takes the lines of the pacer until they end; the last error is the cause."""
         last_error = None
         for line in self._rows:
-            row = json.loads(line)
-            with self._changed:
+            try:
+                row = json.loads(line)
                 last_error = row.get("error")
-                if last_error is None:
-                    self._state, self._count = PacedState(**row), self._count + 1
+                state = None if last_error else PacedState(*(row[name] for name in PacedState._fields))
+            except (ValueError, AttributeError, KeyError):
+                # Of another version, or cut off.
+                last_error = f"the pacer said {line.decode(errors='replace').strip()!r}"
+                self._pacer.kill()
+                break
+            with self._changed:
+                if state:
+                    self._state, self._count = state, self._count + 1
                 else:
                     self.refused.append(last_error)
                 self._changed.notify_all()

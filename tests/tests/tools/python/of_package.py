@@ -74,6 +74,7 @@ def wrong_arguments_are_named():
     raised(ValueError, "nowhere.toml", lambda: Machine("nowhere.toml"))
     raised(ValueError, "a recording is a file of", lambda: recording.read("run.txt"))
     raised(ProgramFailed, "nowhere.toml", lambda: gantry_tau.identify("nowhere.toml", "out.toml"))
+    raised(ProgramFailed, "--no-such-option", lambda: gantry_tau.identify("nowhere.toml", "out.toml", no_such_option=(1, 2)))
 
 
 def recordings_say_the_same(folder):
@@ -175,11 +176,24 @@ def types_are_as_written():
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
+def a_pacer_of_another_version_is_an_end_with_its_cause(folder):
+    pacer = f"{folder}/pacer"
+    with open(pacer, "w") as script:
+        script.write("#!/bin/sh\necho '{\"t\": 1.0}'\nexec sleep 600\n")
+    os.chmod(pacer, 0o755)
+    os.environ["GANTRY_TAU"] = pacer
+    try:
+        raised(Ended, "the pacer said", Session)
+    finally:
+        os.environ["GANTRY_TAU"] = PROGRAM
+
+
 types_are_as_written()
 machines_are_solve_to_the_bit()
 wrong_arguments_are_named()
 with tempfile.TemporaryDirectory() as folder:
     recordings_say_the_same(folder)
+    a_pacer_of_another_version_is_an_end_with_its_cause(folder)
 pauses_of_the_interpreter_end_nothing()
 silence_is_an_end_with_its_cause()
 a_server_that_stops_is_an_end_with_its_cause()
