@@ -1041,6 +1041,18 @@ core/Cargo.toml ~ position-loop = [] ~ position-loop = ["model"] ~ stale"#;
             "{}",
             out(&strict(&toy))
         );
+        // Of the profile that Kani builds with, what the linker does is no part of a row.
+        let workspace = toy.read("Cargo.toml");
+        for (line, changed, is_stale) in [
+            ("\nlto = \"off\"\n", "\nlto = \"fat\"\n", false),
+            ("\nopt-level = 1\n", "\nopt-level = 3\n", true),
+        ] {
+            assert!(workspace.contains(line), "{line}");
+            toy.write("Cargo.toml", &workspace.replacen(line, changed, 1));
+            let said = out(&strict(&toy));
+            assert_eq!(said.contains("(ran on other sources)"), is_stale, "{said}");
+        }
+        toy.write("Cargo.toml", &workspace);
         let interface = "host/capi/src/memory.rs";
         toy.write(
             interface,
