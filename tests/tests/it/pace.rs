@@ -6,7 +6,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use gantry_tau_client::pace::PaceOptions;
 use gantry_tau_core::Offsets;
@@ -265,6 +265,24 @@ fn every_program_begins_in_submit() {
 }
 
 #[test]
+fn a_server_in_lock_step_is_answered_once_per_cycle_of_the_clock() {
+    let pacing = Pacing::new(TickSource::Lockstep);
+    let options = PaceOptions {
+        period: Duration::from_millis(1),
+        is_hurried: false,
+        ..pacing.options()
+    };
+    pacing.with(&options, |address| {
+        let mut program = Program::connect(address);
+        let (since, begun) = (Instant::now(), program.t());
+        while program.t() < begun + 0.5 {}
+        // Rows that were on their way, and the cycle that a late answer makes up for.
+        let passed = since.elapsed() + Duration::from_millis(50);
+        assert!(passed >= Duration::from_millis(500), "{passed:?}");
+    });
+}
+
+#[test]
 fn a_line_that_cannot_be_used_costs_an_error_line_and_nothing_else() {
     let pacing = Pacing::new(TickSource::Lockstep);
     let long = "x".repeat(10_000);
@@ -314,6 +332,9 @@ fn a_line_that_cannot_be_used_costs_an_error_line_and_nothing_else() {
             let error = program.error();
             assert!(error.contains(expected), "{line}: {error}");
         }
+        for _ in 0..3 {
+            assert_eq!(program.row()["phase"], "submit", "after refused lines");
+        }
         let mut other = Program::connect(address);
         assert_eq!(other.error(), "another program is served");
         assert_eq!(other.line(), None);
@@ -344,9 +365,11 @@ fn a_silent_program_is_given_up_and_the_next_is_served() {
             "no target for 10000 ms: the session is ended"
         );
         assert_eq!(silent.line(), None);
-        // One that only listens is not silent.
+        // One that only listens is not silent, nor one whose first target was refused.
         let mut next = Program::connect(address);
         let t = next.t();
+        next.want("obtain", t + 1e6, [0.0; N]);
+        assert!(next.error().contains("too far in the future"));
         while next.t() < t + 20.0 {}
     });
     assert_eq!((report.programs, report.silent), (2, 1));

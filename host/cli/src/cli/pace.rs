@@ -122,16 +122,20 @@ impl MachineCommand for Pace {
 fn serve_stdio<const N: usize>(options: &PaceOptions, quit: &AtomicBool) -> Outcome {
     let (mut programs, program) = Programs::one()?;
     let lines = program.try_clone()?;
-    thread::spawn(move || {
-        let _ = io::copy(&mut io::stdin().lock(), &mut &lines);
-        let _ = lines.shutdown(Shutdown::Write);
-    });
+    thread::Builder::new()
+        .name("stdin".to_owned())
+        .spawn(move || {
+            let _ = io::copy(&mut io::stdin().lock(), &mut &lines);
+            let _ = lines.shutdown(Shutdown::Write);
+        })?;
     let (is_written, written) = mpsc::channel();
-    thread::spawn(move || {
-        let _ = io::copy(&mut &program, &mut io::stdout().lock());
-        let _ = program.shutdown(Shutdown::Both);
-        let _ = is_written.send(());
-    });
+    thread::Builder::new()
+        .name("stdout".to_owned())
+        .spawn(move || {
+            let _ = io::copy(&mut &program, &mut io::stdout().lock());
+            let _ = program.shutdown(Shutdown::Both);
+            let _ = is_written.send(());
+        })?;
     pace::run::<N>(options, &mut programs, quit);
     // A program that does not read its last line loses it.
     let _ = written.recv_timeout(FAREWELL);

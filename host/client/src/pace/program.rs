@@ -46,7 +46,7 @@ impl Programs {
         })
     }
 
-    /// Returns one program, and its end of the connection, which nobody else can have.
+    /// Returns one program, and its end of the connection, which no other program can have.
     ///
     /// # Errors
     /// Error of the system.

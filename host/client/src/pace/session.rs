@@ -83,11 +83,12 @@ impl<'a, const N: usize> Session<'a, N> {
             tracing::warn!("pacer: no {}: {}", denied.privilege, denied.reason);
         }
         let cycle_s = f64::from(welcome.cycle_us) * 1e-6;
-        let is_paced_here =
-            !options.is_hurried && welcome.capabilities.contains(Capabilities::LOCKSTEP);
-        let pause = match is_paced_here {
-            true => Duration::from_micros(welcome.cycle_us.into()),
-            false => Duration::ZERO,
+        let is_lockstep = welcome.capabilities.contains(Capabilities::LOCKSTEP);
+        let pause = if is_lockstep && !options.is_hurried {
+            // The switch is looked at between two answers, however long a server says its cycle is.
+            Duration::from_micros(welcome.cycle_us.into()).min(LOOK)
+        } else {
+            Duration::ZERO
         };
         let ticks = |time: Duration| (time.as_secs_f64() / cycle_s).round() as u32;
         Ok(Self {
@@ -146,8 +147,8 @@ impl<'a, const N: usize> Session<'a, N> {
                 return self.leave(Left::Silent);
             };
             self.link.answer(self.wanted, &targets)?;
-            // Behind the answer there is the rest of the cycle. A program begins in Submit, whatever
-            // tick the session began in.
+            // Behind the answer there is the rest of the cycle. The first row is of Submit, also of a
+            // session that began in a tick with a row.
             if state.phase != Phase::Handshake && state.tick.0 % self.row_ticks == 0 {
                 let row = Row::of(&state, self.cycle_s, self.late);
                 self.program.send(&row);
@@ -164,8 +165,9 @@ impl<'a, const N: usize> Session<'a, N> {
     fn await_cycle(&mut self) {
         let due = self.answered + self.pause;
         thread::sleep(due.saturating_duration_since(Instant::now()));
-        // A pause of this process is not made up for.
-        self.answered = due.max(Instant::now() - self.pause);
+        // What this process has missed is not made up for.
+        let now = Instant::now();
+        self.answered = if now < due + self.pause { due } else { now };
     }
 
     fn leave(mut self, left: Left) -> Result<Left, ClientError> {
