@@ -9,8 +9,8 @@
  *     gt_server *server;
  *     gt_code code = gt_server_init(&memory, sizeof memory, &config, &start, &server, &error);
  *
- * An object must not be moved, copied or written to. All else is copied: no pointer is kept beyond its call. After an error of
- * gt_..._init do not use an object that was in the memory before.
+ * An object must not be moved or written to; gt_..._copy copies those that have a state. All else is copied: no pointer is kept beyond its
+ * call. After an error of gt_..._init do not use an object that was in the memory before.
  *
  * POINTERS. A pointer must point to a value of its type for the duration of the call. Null is refused with GT_CODE_NULL_POINTER unless
  * documented as allowed, a misaligned pointer with GT_CODE_MISALIGNED (one that may be null counts as null), a handle without a live
@@ -47,7 +47,7 @@
 
 // Version of this interface. It changes with every change to a type, a constant or the meaning of
 // a function.
-#define GT_ABI_VERSION 8
+#define GT_ABI_VERSION 9
 
 // Longest part of a black box, bytes.
 #define GT_BLACK_BOX_PART 4096
@@ -244,6 +244,8 @@ enum gt_code
   GT_CODE_WITHHELD = 16,
   // The fate of the references is not one of its values; 0 is refused. They still wait for it.
   GT_CODE_WRITE = 17,
+  // The memory of a copy overlaps the object.
+  GT_CODE_OVERLAP = 18,
   // M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
   GT_CODE_LIMITS_NEGATIVE_MAX = 100,
   // rho of a channel is zero or negative. `index`: axis, `parameter`: channel, `value`: rho.
@@ -1081,6 +1083,44 @@ gt_code gt_f1_exact_correction(const struct gt_f1_compensator *compensator,
                                const struct gt_wrench *load,
                                struct gt_correction *correction,
                                struct gt_error *error);
+
+// Copies a server with its session, connections and black box: a saved state. To restore it, copy
+// it back to where the first one is, or go on with the copy. Both have the same epochs and keys, so
+// one machine must never be led by both.
+//
+// `memory`, `size`: aligned to GT_ALIGN, at least as many bytes as gt_server_config_check has
+// returned, apart from the server. `copy`: receives the handle.
+//
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_OVERLAP.
+gt_code gt_server_copy(const struct gt_server *server,
+                       void *memory,
+                       size_t size,
+                       struct gt_server **copy,
+                       struct gt_error *error);
+
+// Copies a sensor with its tare and its filter; as gt_server_copy.
+//
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_SENSOR_SIZE bytes, apart from the sensor.
+// `copy`: receives the handle.
+//
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_OVERLAP.
+gt_code gt_sensor_copy(const struct gt_sensor *sensor,
+                       void *memory,
+                       size_t size,
+                       struct gt_sensor **copy,
+                       struct gt_error *error);
+
+// Copies a tracker with its last pose; as gt_server_copy.
+//
+// `memory`, `size`: aligned to GT_ALIGN, at least GT_F1_TRACKER_SIZE bytes, apart from the tracker.
+// `copy`: receives the handle.
+//
+// Errors: GT_CODE_MEMORY_TOO_SMALL, GT_CODE_OVERLAP.
+gt_code gt_f1_tracker_copy(const struct gt_f1_tracker *tracker,
+                           void *memory,
+                           size_t size,
+                           struct gt_f1_tracker **copy,
+                           struct gt_error *error);
 
 // Makes a machine in `memory`: checks every number, once.
 //

@@ -50,6 +50,8 @@ pub enum gt_code {
     Withheld = 16,
     /// The fate of the references is not one of its values; 0 is refused. They still wait for it.
     Write = 17,
+    /// The memory of a copy overlaps the object.
+    Overlap = 18,
 
     /// M of a channel is negative. `index`: axis, `parameter`: channel, `value`: M.
     LimitsNegativeMax = 100,
@@ -168,7 +170,7 @@ pub enum gt_code {
 without_padding!(gt_code);
 
 /// Codes and their names.
-const NAMES: [(gt_code, &CStr); 61] = {
+const NAMES: [(gt_code, &CStr); 62] = {
     use gt_code as Code;
     [
         (Code::Ok, c"GT_CODE_OK"),
@@ -189,6 +191,7 @@ const NAMES: [(gt_code, &CStr); 61] = {
         (Code::NotPending, c"GT_CODE_NOT_PENDING"),
         (Code::Withheld, c"GT_CODE_WITHHELD"),
         (Code::Write, c"GT_CODE_WRITE"),
+        (Code::Overlap, c"GT_CODE_OVERLAP"),
         (Code::LimitsNegativeMax, c"GT_CODE_LIMITS_NEGATIVE_MAX"),
         (
             Code::LimitsRampNotPositive,

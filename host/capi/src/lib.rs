@@ -13,6 +13,7 @@
 //! | [`l2`], [`f1`] | kinematics and statics of three axes and of six |
 //! | [`compensation`] | offsets from a load |
 //! | [`sensor`] | loads from raw readings |
+//! | [`copies`] | states saved and restored |
 //!
 //! A C interface needs unsafe code; core forbids it. Every function takes its arguments through
 //! [`memory`], which refuses null and misaligned pointers, and handles without a live object of
@@ -51,6 +52,7 @@ macro_rules! by_name {
 pub mod black_box;
 pub mod code;
 pub mod compensation;
+pub mod copies;
 pub mod error;
 pub mod f1;
 pub mod l2;
@@ -64,7 +66,7 @@ pub mod verification;
 
 /// Version of this interface. It changes with every change to a type, a constant or the meaning of
 /// a function.
-pub const GT_ABI_VERSION: u32 = 8;
+pub const GT_ABI_VERSION: u32 = 9;
 
 /// Returns GT_ABI_VERSION of the linked library. Compare it with the header's before any other
 /// call.

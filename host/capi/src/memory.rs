@@ -218,6 +218,31 @@ pub(crate) unsafe fn settle<P, T: Object>(
     Ok(memory.cast())
 }
 
+/// Copies an object to other memory of the caller, who receives the handle of the copy.
+///
+/// # Safety
+/// As [`tag_of`] for the handle, of an object that is not written to before the call is over, and as
+/// [`settle`] for the memory.
+pub(crate) unsafe fn duplicate<T: Object>(
+    handle: *const T::Handle,
+    memory: *mut c_void,
+    size: usize,
+) -> Reply<*mut T::Handle> {
+    // SAFETY: the caller's promise.
+    let from = unsafe { tagged::<T>(handle) }?;
+    if from.addr().get().abs_diff(memory.addr()) < size_of::<T>() {
+        return Err(gt_code::Overlap.into());
+    }
+    let write = |from: NonNull<Tagged<T>>, place: *mut T| {
+        // SAFETY: a live object, apart from the place for one. Core has no allocation and no
+        // pointers, so that its bytes are all of it; objects are never dropped. (As a value half a
+        // megabyte would be on the stack.)
+        unsafe { (&raw const (*from.as_ptr()).object).copy_to_nonoverlapping(place, 1) }
+    };
+    // SAFETY: the caller's promise; `write` writes a whole object.
+    unsafe { settle(memory, size, || Ok(from), write) }
+}
+
 /// Reads the tag behind a handle.
 ///
 /// # Safety

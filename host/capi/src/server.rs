@@ -39,7 +39,8 @@ use crate::black_box::{gt_black_box, look, write_part};
 use crate::code::gt_code;
 use crate::error::{count, gt_error};
 use crate::memory::{
-    Object, answer, buffer, bytes, checked, object_mut, put_some, read, reply, tag_of,
+    Object, Reply, answer, buffer, bytes, checked, duplicate, object_mut, put_some, read, reply,
+    tag_of,
 };
 
 /// Length of arrays per axis.
@@ -104,6 +105,27 @@ macro_rules! of_type {
             (_, other) => return Err(gt_error::new(gt_code::BlackBox).value(other.into())),
         }
     };
+}
+
+/// Copies a server of any type.
+///
+/// # Safety
+/// As [`duplicate`].
+pub(crate) unsafe fn duplicate_server(
+    server: *const gt_server,
+    memory: *mut c_void,
+    size: usize,
+) -> Reply<*mut gt_server> {
+    // SAFETY: the caller's promise.
+    unsafe {
+        match tag_of(server)? {
+            <Running<3, NONE>>::TAG => duplicate::<Running<3, NONE>>(server, memory, size),
+            <Running<3, HALF>>::TAG => duplicate::<Running<3, HALF>>(server, memory, size),
+            <Running<6, NONE>>::TAG => duplicate::<Running<6, NONE>>(server, memory, size),
+            <Running<6, HALF>>::TAG => duplicate::<Running<6, HALF>>(server, memory, size),
+            _ => Err(gt_code::NoObject.into()),
+        }
+    }
 }
 
 /// Fills a configuration with the profile of the thesis: 1 kHz, one lost Command tolerated,

@@ -24,3 +24,21 @@ fn the_header_is_up_to_date() {
     }
     assert_eq!(there.lines().count(), header.lines().count());
 }
+
+/// The README has the sizes of the header.
+#[test]
+fn the_sizes_of_the_readme_are_those_of_the_header() {
+    let header = include_str!("../include/gantry_tau.h");
+    let readme = include_str!("../README.md").replace('\u{202f}', " ");
+    let sizes = header.lines().filter_map(|line| {
+        let (name, size) = line.strip_prefix("#define GT_")?.split_once(' ')?;
+        name.contains("SIZE")
+            .then_some((name, size.parse::<u32>().ok()?))
+    });
+    let sizes: Vec<_> = sizes.collect();
+    assert_eq!(sizes.len(), 10, "{sizes:?}");
+    for (name, size) in sizes {
+        let text = format!("{} {:03}", size / 1000, size % 1000);
+        assert!(readme.contains(&text), "GT_{name}: {text}");
+    }
+}

@@ -684,7 +684,7 @@ int main(void)
     servers();
     machines();
     tracker();
-    REFUSE(strcmp(gt_code_name(-1), "GT_CODE_UNKNOWN") != 0 || strcmp(gt_code_name(18), "GT_CODE_UNKNOWN") != 0)
+    REFUSE(strcmp(gt_code_name(-1), "GT_CODE_UNKNOWN") != 0 || strcmp(gt_code_name(19), "GT_CODE_UNKNOWN") != 0)
     printf("%d refusals\n", refused);
     return 0;
 }

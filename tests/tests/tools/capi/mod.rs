@@ -56,6 +56,9 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("padding_in_valgrind", &["gcc", "valgrind"], || {
             in_valgrind("padding")
         }),
+        trial("copies_in_valgrind", &["gcc", "valgrind"], || {
+            in_valgrind("copies")
+        }),
         trial(
             "recipes_of_the_readme",
             &["gcc", "python3", "sh"],
@@ -89,6 +92,9 @@ pub(crate) fn trials() -> Vec<Trial> {
                 }),
                 trial(&format!("padding_{by}"), &needed, move || {
                     ends_with("padding", " results\n", compiler, flags)
+                }),
+                trial(&format!("copies_{by}"), &needed, move || {
+                    ends_with("copies", " calls\n", compiler, flags)
                 }),
                 trial(&format!("environment_{by}"), &needed, move || {
                     ends_with(
