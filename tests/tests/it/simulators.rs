@@ -162,7 +162,7 @@ fn a_simulator_that_does_wrong_is_a_machine_that_cannot_be_read() {
                     call["n"]
                 ))
             },
-            "no object of JSON",
+            "its answer has NaN, and JSON has finite numbers only",
         ),
         (
             "read",
@@ -199,6 +199,12 @@ fn a_simulator_that_does_wrong_is_a_machine_that_cannot_be_read() {
                 )
             },
             "drives: \"asleep\" is no state",
+        ),
+        (
+            "read",
+            "has a list in place of the tool",
+            |_, answer| with(answer, "tool", vec![0.0; 3].into()),
+            "tool: expected an object, not [0.0,0.0,0.0]",
         ),
         (
             "read",
@@ -271,6 +277,27 @@ fn a_simulator_that_does_wrong_is_a_machine_that_cannot_be_read() {
             assert_eq!(starts, 2, "{what}");
         }
     }
+}
+
+#[test]
+fn values_in_force_as_a_list_of_axes_are_refused_by_name() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let mut remote = remote::<_, ARMS, L2_MOTORS>(&robot, |call, answer| {
+        if call["call"] == "in_force" {
+            with(
+                answer,
+                "axes",
+                vec![serde_json::json!({"nominal_mm": 0.0}); 3].into(),
+            )
+        } else {
+            Conduct::Answer
+        }
+    });
+    let error = remote.in_force().unwrap_err().to_string();
+    assert!(
+        error.contains(r#"axes: expected an object, not [{"nominal_mm":0.0}"#),
+        "{error}"
+    );
 }
 
 /// Steps without an operator until a row is as wanted.

@@ -101,22 +101,12 @@ pub(crate) struct Serve {
     /// Source of the ticks
     #[arg(long, default_value = "real")]
     pace: Pace,
-    /// Largest simulated force, N; 0 for none
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 300.0,
-        allow_negative_numbers = true
-    )]
-    force_max: f64,
-    /// Length of each force step, s
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 2.0,
-        allow_negative_numbers = true
-    )]
-    step_seconds: f64,
+    /// Largest simulated force, N; 0 for none [default: 300]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    force_max: Option<f64>,
+    /// Length of each force step, s [default: 2]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    step_seconds: Option<f64>,
     /// Walk through the poses of this plan and pull its levels while a session runs, in place of
     /// the force steps; for `experiment`
     #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["force_max", "step_seconds", "motion"])]
@@ -615,10 +605,10 @@ impl Serve {
     }
 
     fn check(&self) -> Result<(), &'static str> {
-        if !(0.0..=2_000.0).contains(&self.force_max) {
+        if !(0.0..=2_000.0).contains(&self.force_max_n()) {
             return Err("--force-max must be from 0 to 2000 N");
         }
-        if !(0.1..=3_600.0).contains(&self.step_seconds) {
+        if !(0.1..=3_600.0).contains(&self.step_s()) {
             return Err("--step-seconds must be from 0.1 to 3600");
         }
         let is_simulated = self.plant == PlantChoice::Simulated;
@@ -636,6 +626,10 @@ impl Serve {
         if (is_remote || !self.plant.is_simulated()) && moves_tool {
             return Err("--tap and --milling need a simulated tool: --plant simulated");
         }
+        let has_steps = self.force_max.is_some() || self.step_seconds.is_some();
+        if (is_remote || !self.plant.is_simulated()) && has_steps {
+            return Err("--force-max and --step-seconds need a simulated tool: --plant simulated");
+        }
         if is_remote && self.motion != 0.0 {
             return Err("--motion needs drives of this program: the path is the simulator's");
         }
@@ -646,6 +640,14 @@ impl Serve {
             return Err("--motion must be from -1000 to 1000 mm");
         }
         Ok(())
+    }
+
+    fn force_max_n(&self) -> f64 {
+        self.force_max.unwrap_or(300.0)
+    }
+
+    fn step_s(&self) -> f64 {
+        self.step_seconds.unwrap_or(2.0)
     }
 
     /// Checks that the machine takes velocities, if its robot file has position loops for it.
@@ -699,7 +701,7 @@ impl Serve {
             return LoadProfile::of(hand, LoadPattern::Milling(cutter));
         }
         if let Some(Tap { force_n, cycles }) = self.tap {
-            let every_cycles = (self.step_seconds * 1e3).round() as u32;
+            let every_cycles = (self.step_s() * 1e3).round() as u32;
             let tap = LoadPattern::Tap {
                 force_n,
                 cycles,
@@ -709,9 +711,9 @@ impl Serve {
         }
         let force_max_n = match self.workpiece {
             Some(_) => 0.0,
-            None => self.force_max,
+            None => self.force_max_n(),
         };
-        LoadProfile::new(hand, force_max_n, self.step_seconds)
+        LoadProfile::new(hand, force_max_n, self.step_s())
     }
 }
 

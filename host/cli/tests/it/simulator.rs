@@ -22,7 +22,7 @@ fn what_a_simulator_cannot_do_is_refused_before_it_is_reached() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     listener.set_nonblocking(true).unwrap();
     let plant = format!("socket:{}", listener.local_addr().unwrap());
-    let cases: [(&[&str], &str); 5] = [
+    let cases: [(&[&str], &str); 7] = [
         (&[], "goes in lock-step only: --pace lockstep"),
         (
             &["--motion", "10"],
@@ -35,6 +35,14 @@ fn what_a_simulator_cannot_do_is_refused_before_it_is_reached() {
         (
             &["--milling", "100"],
             "--tap and --milling need a simulated tool",
+        ),
+        (
+            &["--force-max", "100"],
+            "--force-max and --step-seconds need a simulated tool",
+        ),
+        (
+            &["--step-seconds", "1"],
+            "--force-max and --step-seconds need a simulated tool",
         ),
         (
             &["--quasi-static"],

@@ -169,8 +169,8 @@ pub(super) fn question(number: u64, call: &Call) -> Result<Vec<u8>, String> {
 /// # Errors
 /// It is none; the text says why.
 pub(super) fn answer(line: &[u8], number: u64) -> Result<Answer, String> {
-    let mut fields: Fields = serde_json::from_slice(line)
-        .map_err(|error| format!("its answer is no object of JSON: {error}"))?;
+    let mut fields: Fields =
+        serde_json::from_slice(line).map_err(|error| not_an_object(line, &error))?;
     match fields.remove("n").and_then(|n| n.as_u64()) {
         Some(n) if n == number => {}
         Some(n) => return Err(format!("it answered call {n} in place of {number}")),
@@ -180,6 +180,18 @@ pub(super) fn answer(line: &[u8], number: u64) -> Result<Answer, String> {
         None | Some(Value::Null) => Ok(Answer::Done(fields)),
         Some(Value::String(error)) => Ok(Answer::Failed(error)),
         Some(error) => Ok(Answer::Failed(error.to_string())),
+    }
+}
+
+/// Names the numbers that many languages write and JSON does not have.
+fn not_an_object(line: &[u8], error: &serde_json::Error) -> String {
+    let line = String::from_utf8_lossy(line);
+    match ["NaN", "Infinity"]
+        .iter()
+        .find(|name| line.contains(**name))
+    {
+        Some(name) => format!("its answer has {name}, and JSON has finite numbers only"),
+        None => format!("its answer is no object of JSON: {error}"),
     }
 }
 
@@ -193,6 +205,7 @@ pub(super) fn nothing(fields: Fields) -> Result<(), String> {
 
 /// Reads the values in force.
 pub(super) fn in_force<const N: usize>(fields: Fields) -> Result<[InForce; N], String> {
+    expect_object(&fields, "axes")?;
     let InForceAnswer { axes } = parse(fields)?;
     let nominal: [_; N] = positions("axes.nominal_mm", &axes.nominal_mm)?;
     let position: [_; N] = numbers("axes.offset_um", &axes.offset_um, 1e3)?;
@@ -212,6 +225,7 @@ pub(super) fn in_force<const N: usize>(fields: Fields) -> Result<[InForce; N], S
 pub(super) fn reading<const N: usize>(
     fields: Fields,
 ) -> Result<(Reading<N>, Option<[DriveState; N]>), String> {
+    expect_object(&fields, "tool")?;
     let read: ReadAnswer = parse(fields)?;
     let still = || vec![0.0; N];
     let position: [_; N] = positions("actual_mm", &read.actual_mm)?;
@@ -263,6 +277,17 @@ fn states<const N: usize>(names: &[String]) -> Result<[DriveState; N], String> {
     states
         .try_into()
         .map_err(|states: Vec<_>| format!("drives: {} states for {N} axes", states.len()))
+}
+
+/// Refuses a list in the place of an object, which serde would read field by field.
+fn expect_object(fields: &Fields, name: &str) -> Result<(), String> {
+    match fields.get(name) {
+        None | Some(Value::Null | Value::Object(_)) => Ok(()),
+        Some(other) => {
+            let text: String = other.to_string().chars().take(40).collect();
+            Err(format!("{name}: expected an object, not {text}"))
+        }
+    }
 }
 
 fn parse<T: DeserializeOwned>(fields: Fields) -> Result<T, String> {
