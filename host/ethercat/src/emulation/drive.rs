@@ -1,8 +1,10 @@
 //! A drive of CiA 402 in cyclic synchronous position mode: objects, states, supervision.
 
+use super::device::{Device, MAX_PROCESS_DATA};
+use super::mailbox::{self, Dictionary};
 use super::mapping::{Mapped, Pdo};
 use super::objects::{Mappable, Objects, abort, entries};
-use super::sii::Identity;
+use super::sii::{COE, Identity, Sii};
 
 /// Length of a step of the drive, µs.
 pub const STEP_US: u64 = 1_000;
@@ -85,10 +87,10 @@ pub struct Motor {
 /// A drive.
 #[derive(Clone, Debug)]
 pub struct Drive {
-    pub(super) objects: Objects,
-    pub(super) outputs: Pdo,
-    pub(super) inputs: Pdo,
-    name: &'static str,
+    setup: DriveSetup,
+    objects: Objects,
+    outputs: Pdo,
+    inputs: Pdo,
     state: PowerState,
     /// Steps in the present state.
     steps: u32,
@@ -153,10 +155,10 @@ impl Drive {
         let inputs = [Mapped::whole(0x6041, 16), Mapped::whole(0x6064, 32)];
         let position = setup.position.into();
         Self {
+            setup: setup.clone(),
             objects: Objects::new(present),
             outputs: Pdo::new(output, 0x1600, 0x1C12, &outputs),
             inputs: Pdo::new(input, 0x1A00, 0x1C13, &inputs),
-            name: "emulated drive",
             state: PowerState::SwitchOnDisabled,
             steps: 0,
             control: 0,
@@ -179,12 +181,6 @@ impl Drive {
             largest_step: 0,
             followed: None,
         }
-    }
-
-    /// Returns the name in its SII and in object 1008h.
-    #[must_use]
-    pub const fn name(&self) -> &'static str {
-        self.name
     }
 
     /// Returns the state of CiA 402.
@@ -240,16 +236,8 @@ impl Drive {
         self.fail(ERROR_FORCED);
     }
 
-    /// Says whether process data is valid. A drive that leaves OP while it has power brakes, and is
-    /// in fault.
-    pub(super) fn set_operational(&mut self, operational: bool) {
-        if self.is_operational && !operational && self.has_torque() {
-            self.fail(ERROR_BUS);
-        }
-        if !operational {
-            self.control = 0;
-        }
-        self.is_operational = operational;
+    pub(super) fn set_watchdog(&mut self, is_writable: bool, has_watchdog: bool) {
+        (self.setup.watchdog_is_writable, self.setup.has_watchdog) = (is_writable, has_watchdog);
     }
 
     const fn has_torque(&self) -> bool {
@@ -287,13 +275,6 @@ impl Drive {
             // The loop closes at the reference; a step from where the motor stands would be a jump.
             self.followed = Some(self.motor.position);
             self.velocity = 0;
-        }
-    }
-
-    /// Takes process data that has just been written whole.
-    pub(super) fn take_outputs(&mut self, data: &[u8]) {
-        if self.is_operational {
-            self.outputs.unpack(data, &mut self.objects);
         }
     }
 
@@ -436,9 +417,74 @@ impl Drive {
             self.fail(ERROR_FOLLOWING);
         }
     }
+}
 
-    /// Uploads an object. `is_pre_op` is not asked: reading is always allowed.
-    pub(super) fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
+impl Device for Drive {
+    fn sii(&self) -> Sii {
+        Sii {
+            identity: self.setup.identity,
+            alias: self.setup.alias,
+            name: self.name(),
+            protocols: COE,
+            has_process_data: true,
+            has_watchdog: self.setup.has_watchdog,
+        }
+    }
+
+    fn lengths(&self) -> [usize; 2] {
+        [&self.outputs, &self.inputs].map(Pdo::length)
+    }
+
+    fn answer(
+        &mut self,
+        request: &[u8],
+        last_counter: &mut u8,
+        is_pre_op: bool,
+    ) -> Option<Vec<u8>> {
+        mailbox::answer(self, request, last_counter, is_pre_op)
+    }
+
+    /// A drive that leaves OP while it has power brakes, and is in fault.
+    fn set_operational(&mut self, is_operational: bool) {
+        if self.is_operational && !is_operational && self.has_torque() {
+            self.fail(ERROR_BUS);
+        }
+        if !is_operational {
+            self.control = 0;
+        }
+        self.is_operational = is_operational;
+    }
+
+    fn take_outputs(&mut self, data: &[u8]) {
+        if self.is_operational {
+            self.outputs.unpack(data, &mut self.objects);
+        }
+    }
+
+    fn inputs(&mut self, data: &mut [u8; MAX_PROCESS_DATA]) -> usize {
+        self.objects.set(0x6041, 0, self.status().into());
+        self.inputs.pack(&self.objects, data)
+    }
+
+    fn power_cycle(&mut self) {
+        let position = self.motor.position;
+        *self = Self::new(&DriveSetup {
+            position: position.clamp(i32::MIN.into(), i32::MAX.into()) as i32,
+            ..self.setup.clone()
+        });
+    }
+
+    fn watchdog_is_writable(&self) -> bool {
+        self.setup.watchdog_is_writable
+    }
+}
+
+impl Dictionary for Drive {
+    fn name(&self) -> &'static str {
+        "emulated drive"
+    }
+
+    fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
         for pdo in [&self.outputs, &self.inputs] {
             if pdo.owns(index) {
                 return pdo.upload(index, sub);
@@ -447,14 +493,7 @@ impl Drive {
         self.objects.upload(index, sub)
     }
 
-    /// Downloads an object; mapping and assignment in PRE-OP only.
-    pub(super) fn download(
-        &mut self,
-        index: u16,
-        sub: u8,
-        bytes: &[u8],
-        is_pre_op: bool,
-    ) -> Result<(), u32> {
+    fn download(&mut self, index: u16, sub: u8, bytes: &[u8], is_pre_op: bool) -> Result<(), u32> {
         for pdo in [&mut self.outputs, &mut self.inputs] {
             if pdo.owns(index) {
                 return if is_pre_op {
