@@ -5,8 +5,12 @@ use super::instrument::Instrument;
 use super::slots::{Controller, Node, Slots};
 use super::subdevice::SubDevice;
 
-/// Time that a frame takes through the chain, µs.
-const FRAME_US: u64 = 10;
+/// Time that a frame takes to the chain, ns.
+const FRAME_NS: u64 = 10_000;
+/// Time that a frame takes from one SubDevice to the next, ns.
+const HOP_NS: u64 = 310;
+/// Step of the drives and the process, ns.
+const STEP_NS: u64 = STEP_US * 1_000;
 /// Headers of a frame and of a datagram, bytes.
 const FRAME_HEADER: usize = 16;
 const DATAGRAM_HEADER: usize = 10;
@@ -64,8 +68,8 @@ impl Process for Kinematic {
 pub struct Chain<P> {
     slots: Slots,
     process: P,
-    now_us: u64,
-    step_us: u64,
+    now_ns: u64,
+    step_ns: u64,
     /// SubDevices that frames reach; a cut cable is closed to a ring before it.
     reached: usize,
     /// A SubDevice that frames pass by.
@@ -87,8 +91,8 @@ impl<P: Process> Chain<P> {
             reached: nodes.len(),
             slots: Slots::new(nodes),
             process,
-            now_us: 0,
-            step_us: STEP_US,
+            now_ns: 0,
+            step_ns: STEP_NS,
             bypassed: None,
             writes: None,
         };
@@ -99,7 +103,13 @@ impl<P: Process> Chain<P> {
     /// Returns the time, µs.
     #[must_use]
     pub const fn now_us(&self) -> u64 {
-        self.now_us
+        self.now_ns / 1_000
+    }
+
+    /// Returns the time, ns.
+    #[must_use]
+    pub const fn now_ns(&self) -> u64 {
+        self.now_ns
     }
 
     /// Returns the drive at a place, from 0 at the MainDevice; `None` where another device stands.
@@ -175,29 +185,41 @@ impl<P: Process> Chain<P> {
             .for_each(|position, controller| controller.set_ports(position < last));
     }
 
-    /// Runs to a time: state machines, watchdogs, and the process once per millisecond.
+    /// Runs to a time, µs; see [`advance_to_ns`](Self::advance_to_ns).
     pub fn advance_to(&mut self, now_us: u64) {
-        while self.step_us <= now_us {
-            let at = self.step_us;
-            self.now_us = self.now_us.max(at);
+        self.advance_to_ns(now_us.saturating_mul(1_000));
+    }
+
+    /// Runs to a time, ns: state machines, watchdogs, pulses of SYNC0, and the process once per
+    /// millisecond.
+    pub fn advance_to_ns(&mut self, now_ns: u64) {
+        while self.step_ns <= now_ns {
+            let at = self.step_ns;
+            self.now_ns = self.now_ns.max(at);
             self.slots
                 .for_each(|_, controller| controller.advance_to(at));
-            self.drives_mut().for_each(Drive::command);
+            // A drive with SYNC0 runs by its pulses.
+            let freely = self
+                .slots
+                .drives
+                .iter_mut()
+                .filter(|drive| !drive.has_sync0());
+            freely.for_each(|subdevice| subdevice.drive_mut().command());
             self.process.step(&mut self.slots.drives);
             self.drives_mut().for_each(Drive::measure);
             self.process.measure(&mut self.slots.instruments);
-            self.step_us += STEP_US;
+            self.step_ns += STEP_NS;
         }
-        self.now_us = self.now_us.max(now_us);
-        let now_us = self.now_us;
+        self.now_ns = self.now_ns.max(now_ns);
+        let now_ns = self.now_ns;
         self.slots
-            .for_each(|_, controller| controller.advance_to(now_us));
+            .for_each(|_, controller| controller.advance_to(now_ns));
     }
 
     /// Passes a frame through the chain and back, in place; the time goes on by its way. False if
     /// it is not of EtherCAT, or broken.
     pub fn pass(&mut self, frame: &mut [u8]) -> bool {
-        self.advance_to(self.now_us + FRAME_US);
+        self.advance_to_ns(self.now_ns + FRAME_NS);
         if frame.get(12..14) != Some(&ETHERCAT) || self.reached == 0 {
             return false;
         }
@@ -239,6 +261,9 @@ impl<P: Process> Chain<P> {
             let Some(controller) = self.slots.controller(position) else {
                 continue;
             };
+            let (before, behind) = (position as u64, (self.reached - 1 - position) as u64);
+            let here_ns = self.now_ns + before * HOP_NS;
+            controller.set_passing(here_ns, here_ns + 2 * behind * HOP_NS);
             let is_selected = match command {
                 1..=3 | 13 => address == 0,
                 4..=6 | 14 => controller.answers_to(address),

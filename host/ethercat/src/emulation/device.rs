@@ -35,6 +35,14 @@ pub trait Device: std::fmt::Debug {
     /// the device has stays.
     fn power_cycle(&mut self);
 
+    /// Runs a cycle of the device, with the outputs that came before this pulse of SYNC0.
+    fn sync0(&mut self) {}
+
+    /// True if the device leaves OP without SYNC0.
+    fn requires_sync0(&self) -> bool {
+        false
+    }
+
     /// True if the controller takes writes to the time of the watchdog.
     fn watchdog_is_writable(&self) -> bool {
         true

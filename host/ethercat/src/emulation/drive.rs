@@ -88,6 +88,10 @@ pub struct Motor {
 #[derive(Clone, Debug)]
 pub struct Drive {
     setup: DriveSetup,
+    /// Object 1C32h:04, and the same of 1C33h; a drive without it has neither.
+    synchronisation: Option<u16>,
+    has_fixed_pdos: bool,
+    requires_sync0: bool,
     objects: Objects,
     outputs: Pdo,
     inputs: Pdo,
@@ -111,7 +115,9 @@ pub struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(setup: &DriveSetup) -> Self {
+    /// Creates a drive that has just been powered.
+    #[must_use]
+    pub fn new(setup: &DriveSetup) -> Self {
         let [output, input, no] = [Mappable::Output, Mappable::Input, Mappable::No];
         let id = setup.identity;
         let rows = [
@@ -156,6 +162,9 @@ impl Drive {
         let position = setup.position.into();
         Self {
             setup: setup.clone(),
+            synchronisation: None,
+            has_fixed_pdos: false,
+            requires_sync0: false,
             objects: Objects::new(present),
             outputs: Pdo::new(output, 0x1600, 0x1C12, &outputs),
             inputs: Pdo::new(input, 0x1A00, 0x1C13, &inputs),
@@ -181,6 +190,38 @@ impl Drive {
             largest_step: 0,
             followed: None,
         }
+    }
+
+    /// Adds the objects of synchronisation, 1C32h and 1C33h, with the supported types (sub-index
+    /// 04): bit 0 free run, bit 1 the sync manager's event, bits 2 and 3 SYNC0 and SYNC1.
+    #[must_use]
+    pub fn with_synchronisation(mut self, types: u16) -> Self {
+        self.synchronisation = Some(types);
+        for object in [0x1C32, 0x1C33] {
+            self.objects.extend(entries(&[
+                (object, 0, 8, false, Mappable::No, 4),
+                (object, 1, 16, true, Mappable::No, 0),
+                (object, 2, 32, true, Mappable::No, 0),
+                (object, 4, 16, false, Mappable::No, types.into()),
+            ]));
+        }
+        self
+    }
+
+    /// Makes it a drive that refuses OP without SYNC0, and leaves it when references stay away.
+    #[must_use]
+    pub const fn requiring_sync0(mut self) -> Self {
+        self.requires_sync0 = true;
+        self
+    }
+
+    /// Makes the contents of its PDOs fixed: 6040h and 607Ah, 6041h and 6064h.
+    #[must_use]
+    pub fn with_fixed_pdos(mut self) -> Self {
+        self.has_fixed_pdos = true;
+        self.outputs.fix();
+        self.inputs.fix();
+        self
     }
 
     /// Returns the state of CiA 402.
@@ -468,10 +509,26 @@ impl Device for Drive {
 
     fn power_cycle(&mut self) {
         let position = self.motor.position;
-        *self = Self::new(&DriveSetup {
+        let mut again = Self::new(&DriveSetup {
             position: position.clamp(i32::MIN.into(), i32::MAX.into()) as i32,
             ..self.setup.clone()
         });
+        if let Some(types) = self.synchronisation {
+            again = again.with_synchronisation(types);
+        }
+        if self.has_fixed_pdos {
+            again = again.with_fixed_pdos();
+        }
+        again.requires_sync0 = self.requires_sync0;
+        *self = again;
+    }
+
+    fn sync0(&mut self) {
+        self.command();
+    }
+
+    fn requires_sync0(&self) -> bool {
+        self.requires_sync0
     }
 
     fn watchdog_is_writable(&self) -> bool {

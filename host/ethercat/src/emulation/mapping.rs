@@ -36,6 +36,8 @@ pub(super) struct Pdo {
     count: u8,
     assigned: Option<u16>,
     is_assigned: bool,
+    /// The contents cannot be written.
+    is_fixed: bool,
 }
 
 impl Pdo {
@@ -59,7 +61,13 @@ impl Pdo {
             count,
             assigned: Some(object),
             is_assigned: true,
+            is_fixed: false,
         }
+    }
+
+    /// Refuses writes of the contents from now on.
+    pub(super) const fn fix(&mut self) {
+        self.is_fixed = true;
     }
 
     /// True if an object belongs to this PDO.
@@ -124,6 +132,9 @@ impl Pdo {
                 value,
                 expect_length(bytes, if sub == 0 { 1 } else { 2 }),
             );
+        }
+        if self.is_fixed {
+            return Err(abort::READ_ONLY);
         }
         if sub == 0 {
             expect_length(bytes, 1)?;

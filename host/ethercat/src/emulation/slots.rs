@@ -19,7 +19,8 @@ pub(super) trait Controller {
     fn read(&mut self, address: u16, data: &mut [u8]) -> bool;
     fn write(&mut self, address: u16, data: &[u8]) -> bool;
     fn logical(&mut self, address: u32, data: &mut [u8], reads: bool, write_counts: u16) -> u16;
-    fn advance_to(&mut self, now_us: u64);
+    fn advance_to(&mut self, now_ns: u64);
+    fn set_passing(&mut self, here_ns: u64, back_ns: u64);
     fn set_ports(&mut self, has_next: bool);
     fn highest_state(&self) -> u8;
 }
@@ -41,8 +42,12 @@ impl<D: Device> Controller for SubDevice<D> {
         self.logical(address, data, reads, write_counts)
     }
 
-    fn advance_to(&mut self, now_us: u64) {
-        self.advance_to(now_us);
+    fn advance_to(&mut self, now_ns: u64) {
+        self.advance_to(now_ns);
+    }
+
+    fn set_passing(&mut self, here_ns: u64, back_ns: u64) {
+        self.set_passing(here_ns, back_ns);
     }
 
     fn set_ports(&mut self, has_next: bool) {

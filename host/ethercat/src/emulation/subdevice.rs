@@ -3,14 +3,18 @@
 
 mod registers;
 mod states;
+mod sync0;
 
 use super::device::Device;
+use super::distributed_clock::{ClockSetup, DistributedClock};
 use super::drive::{Drive, DriveSetup};
 use super::mailbox;
 use super::memory::{Memory, register};
 use super::sii;
 use super::sync_manager::{FMMUS, SYNC_MANAGERS, SyncManager};
 use states::{al, code};
+use sync0::Sync0Interval;
+pub use sync0::{ClockHandle, Sync0Intervals};
 
 /// Time of a read of the EEPROM, µs.
 const EEPROM_US: u64 = 40;
@@ -25,11 +29,15 @@ pub struct SubDevice<D = Drive> {
     device: D,
     /// State that its application refuses, and the code.
     refuses: Option<(u8, u16)>,
+    clock: Option<DistributedClock>,
+    sync0: Sync0Interval,
     /// Error code of an emergency message that leaves before the next answer.
     emergency: Option<u16>,
     /// Requests are taken from the mailbox and never answered.
     is_mute: bool,
     now_us: u64,
+    /// Time of the wire at which the present frame passes, and of its way back.
+    passing_ns: (u64, u64),
     state: u8,
     error: bool,
     /// Requested state, and when it is decided.
@@ -80,6 +88,9 @@ impl<D: Device> SubDevice<D> {
             eeprom: sii::eeprom(&sii),
             device,
             refuses: None,
+            clock: None,
+            sync0: Sync0Interval::default(),
+            passing_ns: (0, 0),
             emergency: None,
             is_mute: false,
             now_us: 0,
@@ -96,13 +107,21 @@ impl<D: Device> SubDevice<D> {
         this
     }
 
+    /// Gives the controller a distributed clock of 64 bits.
+    #[must_use]
+    pub fn with_clock(mut self, setup: ClockSetup) -> Self {
+        self.clock = Some(DistributedClock::new(setup, 0));
+        self.power_on(self.device.sii().alias);
+        self
+    }
+
     /// Sets the registers to what a controller has at power-on.
     fn power_on(&mut self, alias: u16) {
-        // Type, revision, build; FMMUs, sync managers, 8 KiB of RAM, two ports of MII; no
-        // distributed clocks.
+        let features = if self.clock.is_some() { 0x0C } else { 0 };
+        // Type, revision, build; FMMUs, sync managers, 8 KiB of RAM, two ports of MII; features.
         self.memory.set(
             0x0000,
-            &[0x11, 0, 1, 0, FMMUS, SYNC_MANAGERS, 8, 0x0F, 0, 0],
+            &[0x11, 0, 1, 0, FMMUS, SYNC_MANAGERS, 8, 0x0F, features, 0],
         );
         self.memory.set_u16(register::STATION_ALIAS, alias);
         // 100 µs by 2500 times 40 ns, and EtherCAT's 100 ms.
@@ -172,8 +191,36 @@ impl<D: Device> SubDevice<D> {
         (self.request, self.eeprom_read) = (None, None);
         (self.mailbox_due_us, self.mailbox_counter) = (None, 0);
         self.outputs_us = None;
+        self.sync0 = Sync0Interval::default();
+        let now_ns = self.now_us * 1_000;
+        self.clock = self
+            .clock
+            .as_ref()
+            .map(|clock| DistributedClock::new(clock.setup(), now_ns));
         self.power_on(sii.alias);
         self.set_ports(has_next);
+    }
+
+    /// Returns the distributed clock, to be disturbed; `None` without one.
+    pub fn clock_mut(&mut self) -> Option<ClockHandle<'_>> {
+        let now_ns = self.now_us * 1_000;
+        let memory = &self.memory;
+        let clock = self.clock.as_mut()?;
+        Some(ClockHandle {
+            clock,
+            memory,
+            now_ns,
+        })
+    }
+
+    /// Returns the intervals of SYNC0 in OP since the last call.
+    pub const fn take_sync0_intervals(&mut self) -> Sync0Intervals {
+        self.sync0.take()
+    }
+
+    /// Tells the time of the wire at which the coming datagram passes, and that of its way back.
+    pub(super) const fn set_passing(&mut self, here_ns: u64, back_ns: u64) {
+        self.passing_ns = (here_ns, back_ns);
     }
 
     /// Tells which of the ports have a neighbour.
@@ -188,9 +235,11 @@ impl<D: Device> SubDevice<D> {
         self.memory.set_u16(register::DL_STATUS, status | 1);
     }
 
-    /// Runs what is due by `now_us`: transitions, EEPROM, mailbox, watchdog.
-    pub(super) fn advance_to(&mut self, now_us: u64) {
+    /// Runs what is due by `now_ns`: pulses of SYNC0, transitions, EEPROM, mailbox, watchdog.
+    pub(super) fn advance_to(&mut self, now_ns: u64) {
+        let now_us = now_ns / 1_000;
         self.now_us = self.now_us.max(now_us);
+        self.run_sync0(now_ns);
         if let Some((state, _)) = self.request.take_if(|(_, due)| *due <= now_us) {
             self.decide(state);
         }

@@ -3,6 +3,7 @@
 use super::states::al;
 use super::{EEPROM_US, MAILBOX_US, SubDevice};
 use crate::emulation::device::{Device, MAX_PROCESS_DATA};
+use crate::emulation::distributed_clock::REGISTERS;
 use crate::emulation::memory::{RAM, register};
 use crate::emulation::sii;
 use crate::emulation::sync_manager::{FMMUS, Fmmu, SyncManager};
@@ -19,6 +20,12 @@ impl<D: Device> SubDevice<D> {
     pub(in crate::emulation) fn read(&mut self, address: u16, data: &mut [u8]) -> bool {
         if (sii::INPUTS..sii::INPUTS + 0x100).contains(&address) {
             self.publish_inputs();
+        }
+        if REGISTERS.contains(&address) {
+            let Some(clock) = &self.clock else {
+                return false;
+            };
+            clock.refresh(&mut self.memory, self.passing_ns.0);
         }
         let owner = if address < RAM {
             None
@@ -68,12 +75,19 @@ impl<D: Device> SubDevice<D> {
         } else if self.state >= al::SAFE_OP {
             self.outputs_us = Some(self.now_us);
             self.memory.set_u16(register::WATCHDOG_STATUS, 1);
-            self.device.take_outputs(data);
+            self.note_outputs(data);
         }
         true
     }
 
     fn write_registers(&mut self, address: u16, data: &[u8]) -> bool {
+        if REGISTERS.contains(&address) {
+            let passing_ns = self.passing_ns;
+            let Some(clock) = &mut self.clock else {
+                return false;
+            };
+            return clock.write(&mut self.memory, address, data, passing_ns);
+        }
         let watchdog = register::WATCHDOG_DIVIDER..register::WATCHDOG_STATUS;
         let is_watchdog = watchdog.contains(&address);
         let status = self.memory.clone_statuses();

@@ -29,6 +29,8 @@ pub(super) mod code {
     pub(in crate::emulation::subdevice) const WATCHDOG: u16 = 0x001B;
     pub(in crate::emulation::subdevice) const OUTPUTS: u16 = 0x001D;
     pub(in crate::emulation::subdevice) const INPUTS: u16 = 0x001E;
+    pub(in crate::emulation::subdevice) const SYNC: u16 = 0x002C;
+    pub(in crate::emulation::subdevice) const NO_SYNC: u16 = 0x002D;
 }
 
 impl<D: Device> SubDevice<D> {
@@ -105,6 +107,9 @@ impl<D: Device> SubDevice<D> {
                 }
             }
             (al::PRE_OP, al::SAFE_OP) => None,
+            (al::SAFE_OP, al::OP) if self.device.requires_sync0() && !self.has_sync0() => {
+                Some(code::NO_SYNC)
+            }
             (al::SAFE_OP, al::OP) if has_process_data => {
                 self.outputs_us.is_none().then_some(code::NO_OUTPUTS)
             }
