@@ -17,7 +17,7 @@ slaves = master.slaves
 for slave in slaves:
     slave.config_func = lambda *_, slave=slave: map_process_data(slave)
 master.config_map()
-has_clock = master.config_dc()
+has_clock = bool(master.config_dc())
 delays = [struct.unpack("<I", slave._fprd(0x0928, 4))[0] for slave in slaves]
 safe_op = master.state_check(pysoem.SAFEOP_STATE, 2_000_000)
 
