@@ -27,7 +27,10 @@ pub(super) fn soem_agrees(python: &Path) {
     let far = FarEnd::start(bus, Some(SLOWNESS));
     let saw = judged(python, "clocks.py");
     drop(far);
-    assert_eq!((&saw["found"], &saw["has_clock"]), (&json!(3), &json!(true)));
+    assert_eq!(
+        (&saw["found"], &saw["has_clock"]),
+        (&json!(3), &json!(true))
+    );
     assert_eq!(saw["safe_op"], 4);
     for drive in 0..3 {
         let delay = saw["delays"][drive].as_i64().unwrap();
