@@ -4,13 +4,8 @@
 use std::hint::black_box;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use gantry_tau_ethercat::emulation::{
-    Chain, ClockSetup, Drive, DriveSetup, EmulatedWire, Identity, Kinematic, Node, SubDevice,
-};
-use gantry_tau_ethercat::steering::{Steering, SteeringConfig};
-use gantry_tau_ethercat::{
-    ClockSettings, DriveConfig, Drives, Offset, Place, Settings, Target, Wire, WireError,
-};
+use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, Kinematic};
+use gantry_tau_ethercat::{DriveConfig, Drives, Offset, Place, Settings, Target, Wire, WireError};
 
 use super::measured;
 
@@ -52,20 +47,8 @@ impl Wire for Aside {
         aside(|| self.0.wait_until(us));
     }
 
-    fn now_ns(&self) -> u64 {
-        aside(|| self.0.now_ns())
-    }
-
     fn begin_cycles(&mut self, cycles: u64, cycle_us: u64) {
         aside(|| self.0.begin_cycles(cycles, cycle_us));
-    }
-
-    fn makes_cycles(&self) -> bool {
-        true
-    }
-
-    fn shift_cycles(&mut self, ns: i64) {
-        aside(|| self.0.shift_cycles(ns));
     }
 }
 
@@ -104,54 +87,15 @@ fn config(index: u16) -> DriveConfig {
 
 /// References out, one frame, measurements in, compared and judged.
 pub(super) fn exchange() {
-    exchange_with(None);
-}
-
-/// The same with the time of the reference clock, to which the cycle is steered.
-pub(super) fn exchange_with_clocks() {
-    exchange_with(Some(ClockSettings {
-        sync0_ns: 1_000_000,
-        frame_to_sync0_ns: 500_000,
-        has_sync1: false,
-    }));
-}
-
-/// One step of the steering, with a sample.
-pub(super) fn steering() {
-    let config = SteeringConfig {
-        cycle_ns: 1_000_000,
-        frame_to_sync0_ns: 500_000,
-    };
-    let mut steering = Steering::new(config, 1_000_000_000);
-    for cycle in 0..300 {
-        steering.step(Some(1_000_500_000 + cycle * 1_000_020), 0);
-    }
-    let time = black_box(Some(1_300_506_000));
-    let step = measured(|| steering.step(time, 0));
-    assert!(black_box(step).shift_ns != 0);
-}
-
-fn exchange_with(clocks: Option<ClockSettings>) {
-    let drive = |index| {
-        let drive = SubDevice::of(Drive::new(&setup(index)));
-        Node::Drive(match clocks {
-            None => drive,
-            Some(_) => drive.with_clock(ClockSetup {
-                drift_ppb: 20_000,
-                offset_ns: 0,
-            }),
-        })
-    };
-    let nodes: Vec<Node> = (0..9).map(drive).collect();
-    let mut wire = EmulatedWire::new(Chain::of(nodes, Kinematic));
+    let setups: Vec<DriveSetup> = (0..9).map(setup).collect();
+    let mut wire = EmulatedWire::new(Chain::new(&setups, Kinematic));
     let settings = Settings {
         cycle_us: 1_000,
         watchdog_cycles: 5,
         answer_us: 500,
     };
     let configs = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(config);
-    let mut drives =
-        Drives::bring_up_with(Aside(wire.clone()), &configs, settings, clocks).unwrap();
+    let mut drives = Drives::bring_up(Aside(wire.clone()), &configs, settings).unwrap();
     drives.start(|_| [Target::default(); 9]);
     for position in 0..10 {
         wire.begin_cycles(1, 1_000);
