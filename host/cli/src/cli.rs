@@ -1,5 +1,6 @@
 //! Commands, their options and their output.
 
+mod bus;
 mod calibrate;
 mod client;
 mod completions;
@@ -78,6 +79,7 @@ enum Command {
     Follow(follow::Follow),
     Replay(replay::Replay),
     Robot(robot::RobotCommand),
+    Bus(bus::BusCommand),
     Workspace(workspace::Workspace),
     Stability(stability::Stability),
     Draw(draw::Draw),
@@ -180,6 +182,7 @@ pub fn main() -> ExitCode {
         Command::Follow(follow) => run_on(AnyRobotFile::named(&follow.robot), follow),
         Command::Replay(replay) => replay.run(),
         Command::Robot(robot) => robot.run(),
+        Command::Bus(bus) => bus.run(),
         Command::Stability(stability) => run_on(AnyRobotFile::named(&stability.robot), stability),
         Command::Workspace(workspace) => run_on(workspace.machine.read(), workspace),
         Command::Draw(draw) => run_on(draw.machine.read(), draw),

@@ -2,10 +2,12 @@
 //! in force. The bus is `gantry_tau_ethercat`'s.
 
 mod emulated;
+mod fault_log;
 mod initial_state;
 mod open;
 mod plant;
 
 pub use emulated::{EmulatedBus, EmulatedMachine, emulated_bus};
+pub use fault_log::FaultLog;
 pub use open::EthercatError;
-pub use plant::{EthercatPlant, FaultLog, MachineWire};
+pub use plant::{EthercatPlant, MachineWire};

@@ -1,21 +1,26 @@
 //! From power-on to SAFE-OP: who is on the bus, what the drives have in force, what they map, and
 //! their watchdogs.
 
+mod error;
+
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
 use ethercrab::subdevice_group::{PreOp, SafeOp};
 use ethercrab::{
-    AlStatusCode, Command, DefaultLock, EtherCrabWireReadSized, MainDevice, RegisterAddress,
-    SubDevice, SubDeviceGroup, SubDeviceRef,
+    AlStatusCode, Command, DefaultLock, EtherCrabWireReadSized, EtherCrabWireReadWrite, MainDevice,
+    RegisterAddress, SubDevice, SubDeviceGroup, SubDeviceRef,
 };
 
 use crate::cia402::{CSP, Input, Mapping, Offset, Target};
+use crate::clock;
+use crate::clocks::{ClockSettings, Clocks};
+pub use error::BringUpError;
 
 /// Largest number of SubDevices, a power of two.
 pub(crate) const MAX_SUBDEVICES: usize = 16;
 /// Longest process image, bytes: 32 of each drive.
 pub(crate) const MAX_IMAGE: usize = 512;
 /// Station address that ethercrab gives to the first SubDevice.
-const FIRST_STATION: u16 = 0x1000;
+pub(crate) const FIRST_STATION: u16 = 0x1000;
 /// Divider of the watchdogs: ticks of 100 µs.
 const DIVIDER: u16 = 2_498;
 /// Tick of the watchdogs, µs.
@@ -83,6 +88,10 @@ impl Settings {
     /// would be 100 of 1 ms.
     pub const MAX_WATCHDOG_CYCLES: u32 = 10;
 
+    pub(crate) const fn cycle_ns(&self) -> u32 {
+        self.cycle_us.saturating_mul(1_000)
+    }
+
     pub(crate) const fn watchdog_us(&self) -> u32 {
         self.cycle_us.saturating_mul(self.watchdog_cycles)
     }
@@ -97,164 +106,6 @@ pub struct Initial {
     pub offset: Offset,
     /// The drive has 60B0h: it knows its position offset.
     pub has_position_offset: bool,
-}
-
-/// Error of a bring-up. Motors are counted from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum BringUpError {
-    /// Settings that cannot be.
-    #[error(
-        "a watchdog of {cycles} cycles; expected 1 to 10 (EtherCAT's default of 100 ms is too long), a whole number of 100 us"
-    )]
-    Watchdog {
-        /// Cycles asked for.
-        cycles: u32,
-    },
-    /// No device answers.
-    #[error("no SubDevice answers; is it the right interface, and is the bus powered?")]
-    Silent,
-    /// There are more SubDevices than this program handles.
-    #[error("there are more than {MAX_SUBDEVICES} SubDevices on the bus")]
-    TooMany,
-    /// A drive is not there.
-    #[error("motor {motor}: no drive at {place} among the {found} SubDevices of the bus")]
-    Missing {
-        /// The motor.
-        motor: u8,
-        /// Its place.
-        place: Place,
-        /// SubDevices that answer.
-        found: u8,
-    },
-    /// Two SubDevices have one alias, or two motors one drive.
-    #[error("motor {motor}: {place} is not one drive for one motor")]
-    Ambiguous {
-        /// The motor.
-        motor: u8,
-        /// Its place.
-        place: Place,
-    },
-    /// Another device stands at a drive's place.
-    #[error(
-        "motor {motor}: at {place} is product {found_product:#x} of vendor {found_vendor:#x}; \
-         expected {product:#x} of {vendor:#x} (are two drives swapped?)"
-    )]
-    Identity {
-        /// The motor.
-        motor: u8,
-        /// Its place.
-        place: Place,
-        /// Vendor expected.
-        vendor: u32,
-        /// Product expected.
-        product: u32,
-        /// Vendor found.
-        found_vendor: u32,
-        /// Product found.
-        found_product: u32,
-    },
-    /// Another drive of the same kind stands at a drive's place.
-    #[error(
-        "motor {motor}: the drive at {place} has serial number {found}, expected {expected} (are two drives swapped, or was it replaced?)"
-    )]
-    Serial {
-        /// The motor.
-        motor: u8,
-        /// Its place.
-        place: Place,
-        /// Serial number expected.
-        expected: u32,
-        /// Serial number found.
-        found: u32,
-    },
-    /// A drive lacks an object.
-    #[error("motor {motor}: the drive lacks object {object:04X}h, {purpose}")]
-    MissingObject {
-        /// The motor.
-        motor: u8,
-        /// The object.
-        object: u16,
-        /// The reason why it is needed, with what to do.
-        purpose: &'static str,
-    },
-    /// The encoder is another one.
-    #[error("motor {motor}: the drive's encoder has {found} counts per turn, expected {expected}")]
-    Encoder {
-        /// The motor.
-        motor: u8,
-        /// Counts per turn expected.
-        expected: u32,
-        /// Counts per turn of object 608Fh.
-        found: u32,
-    },
-    /// The travel is wider than the drive's software limits.
-    #[error("motor {motor}: the travel of {} to {} counts is beyond the drive's software limits (607Dh) of {} to {}", travel.0, travel.1, limits.0, limits.1)]
-    SoftwareLimits {
-        /// The motor.
-        motor: u8,
-        /// Travel, counts.
-        travel: (i32, i32),
-        /// Object 607Dh.
-        limits: (i32, i32),
-    },
-    /// The watchdog has another time than was written.
-    #[error("motor {motor}: the watchdog reads {found_us} us after {wanted_us} us were written")]
-    WatchdogTime {
-        /// The motor.
-        motor: u8,
-        /// Time written, µs.
-        wanted_us: u32,
-        /// Time read back, µs.
-        found_us: u32,
-    },
-    /// The outputs do not trigger the watchdog.
-    #[error(
-        "motor {motor}: its outputs do not trigger the watchdog (sync manager 2): it would not stop by itself"
-    )]
-    WatchdogOff {
-        /// The motor.
-        motor: u8,
-    },
-    /// A drive refused a state.
-    #[error("motor {motor}: the drive refused to leave state {state}: AL status code {code}")]
-    Refused {
-        /// The motor.
-        motor: u8,
-        /// State that it stayed in: 1 INIT, 2 PRE-OP, 4 SAFE-OP.
-        state: u8,
-        /// Its reason.
-        code: AlStatusCode,
-    },
-    /// An exchange with one drive failed.
-    #[error("motor {motor}: {step}: {error}")]
-    Exchange {
-        /// The motor.
-        motor: u8,
-        /// The step.
-        step: &'static str,
-        /// Error of the exchange.
-        error: Error,
-    },
-    /// An exchange with the whole bus failed.
-    #[error("{step}: {error}")]
-    Bus {
-        /// The step.
-        step: &'static str,
-        /// Error of the exchange.
-        error: Error,
-    },
-    /// The bring-up did not end.
-    #[error("the bus answers, but the bring-up did not end within {seconds} s")]
-    Overdue {
-        /// Time given, s.
-        seconds: u32,
-    },
-    /// A message came that ethercrab does not take, as an emergency between a request and its
-    /// answer.
-    #[error(
-        "a drive sent what cannot be handled during the bring-up, an emergency message perhaps; reset the drives and start again"
-    )]
-    Unhandled,
 }
 
 /// A drive of the bus, brought up.
@@ -272,6 +123,8 @@ pub(crate) struct Member {
 pub(crate) struct Ready<const M: usize> {
     pub(crate) group: Group<SafeOp>,
     pub(crate) members: [Member; M],
+    /// First pulse of SYNC0, ns of the reference; `None` for drives that run freely.
+    pub(crate) sync0_start_ns: Option<u64>,
 }
 
 /// Drives and other SubDevices, which stay in PRE-OP.
@@ -323,10 +176,12 @@ pub(crate) async fn bring_up<const M: usize>(
     main: &'static MainDevice<'static>,
     drives: &[DriveConfig; M],
     settings: &Settings,
+    clocks: Option<&ClockSettings>,
 ) -> Result<Ready<M>, BringUpError> {
     let mut found = Vec::new();
+    let has_clocks = clocks.is_some();
     let groups = main.init::<MAX_SUBDEVICES, _>(
-        || 0,
+        move || if has_clocks { clock::now_ns() } else { 0 },
         Groups::default(),
         |groups, subdevice| {
             let here = Found::of(subdevice);
@@ -368,7 +223,14 @@ pub(crate) async fn bring_up<const M: usize>(
         (member.mapping, member.initial) = setup.ask(drive).await?;
         setup.map(member.mapping).await?;
         setup.set_watchdog(settings).await?;
+        if has_clocks {
+            setup.choose_sync0(settings.cycle_ns()).await?;
+        }
     }
+    let sync0_start_ns = match clocks {
+        None => None,
+        Some(clocks) => Some(start_clocks(main, &found, &members, settings, clocks).await?),
+    };
     let group = groups.drives.into_pre_op_pdi(main).await;
     let group = group.map_err(|error| BringUpError::Bus {
         step: "mapping process data",
@@ -406,7 +268,31 @@ pub(crate) async fn bring_up<const M: usize>(
             });
         }
     }
-    Ok(Ready { group, members })
+    Ok(Ready {
+        group,
+        members,
+        sync0_start_ns,
+    })
+}
+
+/// Lets all clocks follow the reference, and starts SYNC0; returns the time of its first pulse.
+async fn start_clocks<const M: usize>(
+    main: &'static MainDevice<'static>,
+    found: &[Found],
+    members: &[Member; M],
+    settings: &Settings,
+    clocks: &ClockSettings,
+) -> Result<u64, BringUpError> {
+    let all: Vec<u16> = found.iter().map(|device| device.station).collect();
+    let bus = Clocks {
+        main,
+        all: &all,
+        drives: &members.map(|member| member.station),
+    };
+    let reference = bus.reference().await?;
+    bus.follow(reference).await?;
+    bus.start_sync0(reference, clocks, settings.cycle_ns())
+        .await
 }
 
 /// References that keep a drive where it stands, with the offsets that it has in force.
@@ -650,6 +536,53 @@ impl Setup<'_> {
         self.subdevice.sdo_write(pdo, 0, count).await?;
         self.subdevice.sdo_write(assignment, 1, pdo).await?;
         self.subdevice.sdo_write(assignment, 0, 1_u8).await
+    }
+
+    /// Chooses SYNC0 for outputs and inputs (1C32h, 1C33h), with the length of the cycle. Objects
+    /// that the drive lacks, or that are read only, are left.
+    async fn choose_sync0(&self, cycle_ns: u32) -> Result<(), BringUpError> {
+        const TYPES_SYNC0: u16 = 0x04;
+        const BY_SYNC0: u16 = 2;
+        let types = self.object::<u16>(0x1C32, 4).await?;
+        if let Some(types) = types.filter(|types| types & TYPES_SYNC0 == 0) {
+            return Err(BringUpError::NoSync0 {
+                motor: self.motor,
+                types,
+            });
+        }
+        self.write_synchronisation(0x1C32, 1, BY_SYNC0).await?;
+        self.write_synchronisation(0x1C33, 1, BY_SYNC0).await?;
+        self.write_synchronisation(0x1C32, 2, cycle_ns).await
+    }
+
+    async fn write_synchronisation<T>(
+        &self,
+        object: u16,
+        sub: u8,
+        value: T,
+    ) -> Result<(), BringUpError>
+    where
+        T: EtherCrabWireReadSized + EtherCrabWireReadWrite + PartialEq + Copy + Into<u32>,
+    {
+        use CoeAbortCode as C;
+        match self.subdevice.sdo_write(object, sub, value).await {
+            Ok(()) => {}
+            Err(Error::Mailbox(MailboxError::Aborted {
+                code: C::NotFound | C::SubIndexNotFound | C::ReadOnlyWrite,
+                ..
+            })) => return Ok(()),
+            Err(error) => return Err(self.failed("choosing SYNC0")(error)),
+        }
+        match self.object::<T>(object, sub).await? {
+            Some(found) if found != value => Err(BringUpError::Synchronisation {
+                motor: self.motor,
+                object,
+                sub,
+                wanted: value.into(),
+                found: found.into(),
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// Writes the watchdog of the outputs, and reads it back.

@@ -10,12 +10,34 @@ use std::task::Waker;
 use embassy_time_driver::Driver;
 
 thread_local! {
-    static NOW_US: Cell<u64> = const { Cell::new(0) };
+    static NOW_NS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Tells the clock of this thread the time, µs.
-pub(crate) fn set_us(now: u64) {
-    NOW_US.set(now);
+/// Tells the clock of this thread the time, ns.
+pub(crate) fn set_ns(now: u64) {
+    NOW_NS.set(now);
+}
+
+/// Returns the time that this thread's clock was told last, µs.
+pub(crate) fn now_us() -> u64 {
+    now_ns() / 1_000
+}
+
+/// Returns the time that this thread's clock was told last, ns.
+pub(crate) fn now_ns() -> u64 {
+    NOW_NS.get()
+}
+
+/// Waits until a time, µs, within a future that a pump runs.
+pub(crate) async fn wait_until(us: u64) {
+    let is_over = |_: &mut std::task::Context<'_>| {
+        if now_us() >= us {
+            std::task::Poll::Ready(())
+        } else {
+            std::task::Poll::Pending
+        }
+    };
+    std::future::poll_fn(is_over).await;
 }
 
 #[derive(Debug)]
@@ -24,7 +46,7 @@ struct WireClock;
 impl Driver for WireClock {
     fn now(&self) -> u64 {
         // Ticks of 1 µs.
-        NOW_US.get()
+        now_us()
     }
 
     fn schedule_wake(&self, _at: u64, _waker: &Waker) {}

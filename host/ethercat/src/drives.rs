@@ -1,14 +1,14 @@
 //! The drives in operation: one exchange per cycle, compared and judged; their states; and the way
 //! back after a fault.
 
+mod start;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::Duration;
 
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, SafeOp};
 use ethercrab::{
-    Command, DefaultLock, MainDevice, MainDeviceConfig, PduStorage, RegisterAddress,
-    RetryBehaviour, SubDeviceGroup, SubDeviceState, Timeouts, TxRxResponse,
+    Command, DefaultLock, MainDevice, RegisterAddress, SubDeviceGroup, SubDeviceState, TxRxResponse,
 };
 
 use crate::bring_up::{
@@ -16,17 +16,14 @@ use crate::bring_up::{
     al_status, bring_up, number,
 };
 use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
+use crate::clocks::ClockSettings;
 use crate::fault::Fault;
+use crate::main_device::main_device;
+use crate::pace::Pace;
 use crate::pump::Pump;
+use crate::steering::SteeringFault;
 use crate::wire::Wire;
 
-/// Frames that can be under way; one is.
-const FRAMES: usize = 16;
-/// Longest frame's data: more than the longest process image with the states of all SubDevices.
-const FRAME_DATA: usize = PduStorage::element_size(1_100);
-/// Resends of a lost frame during a bring-up. In a cycle nothing is sent twice: its time is over
-/// before.
-const RESENDS: usize = 10;
 /// Time for a bring-up, s.
 const BRING_UP_S: u32 = 60;
 /// Cycles for the way from SAFE-OP to operation enabled.
@@ -82,9 +79,13 @@ pub struct Drives<W: Wire, const M: usize> {
     /// States of the last answer, by motor; 0 of a drive that gave none.
     states: [u8; M],
     requested: [bool; M],
+    /// Last refusal of OP with a code, on the way to operation enabled.
+    refusal: Option<Fault>,
     condition: Condition,
     /// Cycles in a row without a right answer.
     missed: u32,
+    /// Cycle that follows the reference clock; `None` for drives that run freely.
+    pace: Option<Pace>,
 }
 
 impl<W: Wire, const M: usize> Drives<W, M> {
@@ -99,40 +100,48 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         drives: &[DriveConfig; M],
         settings: Settings,
     ) -> Result<Self, BringUpError> {
+        Self::bring_up_with(wire, drives, settings, None)
+    }
+
+    /// The same, with the distributed clocks of the drives; `None` for drives that run freely.
+    ///
+    /// # Errors
+    /// [`BringUpError`], with the motor that it concerns.
+    pub fn bring_up_with(
+        wire: W,
+        drives: &[DriveConfig; M],
+        settings: Settings,
+        clocks: Option<ClockSettings>,
+    ) -> Result<Self, BringUpError> {
+        if let Some(clocks) = &clocks {
+            clocks.check(settings.cycle_ns())?;
+        }
         let cycles = settings.watchdog_cycles;
         let is_whole = settings.watchdog_us() % 100 == 0;
         if !(1..=Settings::MAX_WATCHDOG_CYCLES).contains(&cycles) || !is_whole {
             return Err(BringUpError::Watchdog { cycles });
         }
-        let storage: &'static PduStorage<FRAMES, FRAME_DATA> =
-            Box::leak(Box::new(PduStorage::new()));
-        let Ok((tx, rx, pdu_loop)) = storage.try_split() else {
+        // Longer than a cycle waits, so that none sends twice.
+        let answer_us = settings.answer_us.saturating_add(200);
+        let Some((mut pump, main)) = main_device(wire, answer_us) else {
             return Err(BringUpError::Unhandled);
         };
-        let timeouts = Timeouts {
-            state_transition: Duration::from_secs(3),
-            // Longer than a cycle waits, so that none sends twice.
-            pdu: Duration::from_micros(u64::from(settings.answer_us) + 200),
-            wait_loop_delay: Duration::from_micros(100),
-            ..Timeouts::default()
-        };
-        // Distributed clocks are not used.
-        let config = MainDeviceConfig {
-            dc_static_sync_iterations: 0,
-            retry_behaviour: RetryBehaviour::Count(RESENDS),
-        };
-        let main: &'static MainDevice<'static> =
-            Box::leak(Box::new(MainDevice::new(pdu_loop, timeouts, config)));
-        let mut pump = Pump::new(wire, tx, rx);
-        let future = bring_up(main, drives, &settings);
+        let future = bring_up(main, drives, &settings, clocks.as_ref());
         let limit_us = u64::from(BRING_UP_S) * 1_000_000;
         // ethercrab asserts that no emergency message stands between a request and its answer.
         let outcome = catch_unwind(AssertUnwindSafe(|| pump.run(future, limit_us)));
         let outcome = outcome.map_err(|_| BringUpError::Unhandled)?;
-        let Ready { group, members } = outcome.ok_or(BringUpError::Overdue {
+        let Ready {
+            group,
+            members,
+            sync0_start_ns,
+        } = outcome.ok_or(BringUpError::Overdue {
             seconds: BRING_UP_S,
         })??;
         let sent = members.map(|member| crate::bring_up::standing(&member.initial));
+        let pace = clocks
+            .zip(sync0_start_ns)
+            .map(|(clocks, start_ns)| Pace::new(&clocks, settings.cycle_ns(), start_ns));
         Ok(Self {
             pump,
             main,
@@ -142,10 +151,12 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             is_confirmed: true,
             states: [0; M],
             requested: [false; M],
+            refusal: None,
             members,
             settings,
             condition: Condition::Prepared,
             missed: 0,
+            pace,
         })
     }
 
@@ -195,49 +206,39 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         &mut self.pump.wire
     }
 
-    /// Brings the drives to OP and enables them, at the references of `standing`, which gets their
-    /// measurements. Blocks for some tenths of a second; the first [`cycle`](Self::cycle) must
-    /// follow within the time of the watchdog. A drive in fault is left there: the condition is
-    /// then [`Condition::Stopped`].
-    pub fn start(&mut self, mut standing: impl FnMut(&[Input; M]) -> [Target; M]) {
-        let first = standing(&self.inputs);
-        // Outputs that are valid before OP is asked for.
-        if let Err(fault) = self.exchange(&[0; M], &first) {
-            self.condition = Condition::Stopped(fault);
-            return;
-        }
-        if let Err(fault) = self.request_operational() {
-            self.condition = Condition::Stopped(fault);
-            return;
-        }
-        self.condition = Condition::Rearming { cycles: 0 };
-        self.requested = [true; M];
-        let cycle_us = u64::from(self.settings.cycle_us);
-        while matches!(self.condition, Condition::Rearming { .. }) {
-            let next_us = self.pump.wire.now_us().saturating_add(cycle_us);
-            self.pump.wire.begin_cycles(1, cycle_us);
-            while self.pump.wire.now_us() < next_us {
-                self.pump.wire.wait_until(next_us);
-                self.pump.drain();
-            }
-            let targets = standing(&self.inputs);
-            let _enabled = self.step_towards_operation(&targets, false);
-        }
+    /// Steers the cycle by the last exchange.
+    fn steer(&mut self) -> Option<SteeringFault> {
+        let pace = self.pace.as_mut()?;
+        let (shift_ns, fault) = pace.step();
+        self.pump.wire.shift_cycles(shift_ns);
+        fault
     }
 
-    fn request_operational(&mut self) -> Result<(), Fault> {
-        let Group::SafeOp(group) = std::mem::replace(&mut self.group, Group::Lost) else {
-            return Err(Fault::NotStarted);
-        };
-        // Each request is a frame of its own.
-        let limit_us = u64::from(self.settings.answer_us) * (M as u64 + 1) * 4;
-        match self.pump.run(group.request_into_op(self.main), limit_us) {
-            Some(Ok(group)) => {
-                self.group = Group::Op(group);
-                Ok(())
-            }
-            _ => Err(Fault::NoAnswer),
-        }
+    /// Returns the time of the wire at which the next cycle is to begin, ns, and forgets the shifts
+    /// before it; `None` for drives that run freely. After [`start`](Self::start).
+    pub fn next_cycle_ns(&mut self) -> Option<u64> {
+        let now_ns = self.pump.wire.now_ns();
+        let pace = self.pace.as_mut()?;
+        pace.take_shift_ns();
+        Some(pace.upcoming_ns(now_ns))
+    }
+
+    /// Returns the time by which the next cycle is to begin later than a cycle after the last, ns,
+    /// and takes it off; at most a thousandth of a cycle.
+    pub fn take_shift_ns(&mut self) -> i64 {
+        self.pace.as_mut().map_or(0, Pace::take_shift_ns)
+    }
+
+    /// Returns the phase of the last frame against SYNC0, ns; `None` without a sample.
+    #[must_use]
+    pub fn phase_ns(&self) -> Option<i64> {
+        self.pace.as_ref().and_then(Pace::phase_ns)
+    }
+
+    /// True if the cycle is in phase with SYNC0; `None` for drives that run freely.
+    #[must_use]
+    pub fn is_locked(&self) -> Option<bool> {
+        self.pace.as_ref().map(Pace::is_locked)
     }
 
     /// Asks for the way back after a fault; [`cycle`](Self::cycle) goes it, one step at a time.
@@ -245,6 +246,10 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         if matches!(self.condition, Condition::Stopped(_)) {
             self.condition = Condition::Rearming { cycles: 0 };
             self.requested = [false; M];
+            self.refusal = None;
+            if let Some(pace) = &mut self.pace {
+                pace.forget_faults();
+            }
         }
     }
 
@@ -261,6 +266,22 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// [`Fault::Resent`] when they were not sent, and the measurements are good. After faults of
     /// more than one cycle the drives are stopped until a re-arm.
     pub fn cycle(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
+        if let Some(pace) = &mut self.pace {
+            pace.begin(self.pump.wire.now_ns());
+        }
+        let outcome = self.cycle_in_condition(targets);
+        let is_running = !matches!(self.condition, Condition::Prepared | Condition::Stopped(_));
+        match self.steer() {
+            Some(fault) if is_running => {
+                let fault = Fault::Clock(fault);
+                self.condition = Condition::Stopped(fault);
+                Err(fault)
+            }
+            _ => outcome,
+        }
+    }
+
+    fn cycle_in_condition(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
         match self.condition {
             Condition::Prepared => Err(Fault::NotStarted),
             Condition::Running => {
@@ -352,7 +373,12 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                 return Err(fault);
             }
         };
+        if matches!(fault, Fault::State { code, .. } if code != 0) {
+            self.refusal = Some(fault);
+        }
         if cycles >= ENABLE_CYCLES {
+            // Its code is acknowledged as soon as it comes.
+            let fault = self.refusal.take().unwrap_or(fault);
             self.condition = Condition::Stopped(fault);
             return Err(fault);
         }
@@ -393,6 +419,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             return Err(Fault::Image);
         }
         let limit_us = u64::from(self.settings.answer_us);
+        if self.pace.is_some() {
+            return self.exchange_with_time(limit_us);
+        }
         let answer = match &self.group {
             Group::SafeOp(group) => self.pump.run(group.tx_rx(self.main), limit_us),
             Group::Op(group) => self.pump.run(group.tx_rx(self.main), limit_us),
@@ -401,6 +430,26 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         let Some(Ok(answer)) = answer else {
             return Err(Fault::NoAnswer);
         };
+        self.apply_answer(&answer)
+    }
+
+    /// The same with the time of the reference in front, which all clocks follow. A time that is
+    /// missing is no fault.
+    fn exchange_with_time(&mut self, limit_us: u64) -> Result<(), Fault> {
+        let main = self.main;
+        let answer = match &self.group {
+            Group::SafeOp(group) => self.pump.run(group.tx_rx_sync_system_time(main), limit_us),
+            Group::Op(group) => self.pump.run(group.tx_rx_sync_system_time(main), limit_us),
+            Group::Lost => None,
+        };
+        let Some(Ok(answer)) = answer else {
+            return Err(Fault::NoAnswer);
+        };
+        // The frame leaves with zeros, and comes back with them if the reference did not answer.
+        let time = answer.extra.filter(|time| *time != 0);
+        if let (Some(pace), Some(time)) = (&mut self.pace, time) {
+            pace.note_time(time);
+        }
         self.apply_answer(&answer)
     }
 
@@ -426,7 +475,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     }
 
     /// Applies an answer: states, then the working counter, then the measurements.
-    fn apply_answer(&mut self, answer: &TxRxResponse<MAX_SUBDEVICES>) -> Result<(), Fault> {
+    fn apply_answer<T>(&mut self, answer: &TxRxResponse<MAX_SUBDEVICES, T>) -> Result<(), Fault> {
         let states = self.members.map(|member| {
             answer
                 .subdevice_states

@@ -5,6 +5,7 @@ use std::fmt;
 use ethercrab::AlStatusCode;
 
 use crate::cia402::{CSP, PowerState};
+use crate::steering::SteeringFault;
 
 /// Reason why a cycle failed. Motors are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +61,10 @@ pub enum Fault {
         /// Its state.
         state: PowerState,
     },
+    /// The cycle does not follow the reference clock of the bus.
+    Clock(SteeringFault),
+    /// The cycle did not come into phase with SYNC0 within 5 s at the start.
+    NotInPhase,
     /// The references of a frame without a right answer were sent again, in place of those of this
     /// cycle, and the drives have them.
     Resent,
@@ -93,6 +98,8 @@ impl Fault {
             | Self::NotEnabled { motor, .. } => Some(*motor),
             Self::NoAnswer
             | Self::WorkingCounter { .. }
+            | Self::Clock(_)
+            | Self::NotInPhase
             | Self::Resent
             | Self::Image
             | Self::NotStarted
@@ -123,6 +130,8 @@ impl Fault {
             Self::FollowingError { .. } => "following error",
             Self::Mode { .. } => "the drive is in another mode of operation",
             Self::NotEnabled { .. } => "the drive is not in operation enabled",
+            Self::Clock(_) => "the cycle does not follow the clock of the bus",
+            Self::NotInPhase => "the cycle was not in phase with SYNC0 within 5 s",
             Self::Resent => "the references of a lost frame were sent again",
             Self::Image => "the process data has another length than was mapped",
             Self::NotStarted => "the drives are not started",
@@ -153,6 +162,7 @@ impl fmt::Display for Fault {
             }
             Self::Mode { mode, .. } => write!(f, " (6061h: {mode}, expected {CSP})"),
             Self::NotEnabled { state, .. } => write!(f, " ({})", state.name()),
+            Self::Clock(fault) => write!(f, " ({fault})"),
             _ => Ok(()),
         }
     }

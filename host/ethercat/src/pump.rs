@@ -40,8 +40,9 @@ impl<W: Wire> Pump<W> {
         let mut context = Context::from_waker(Waker::noop());
         let limit_us = self.wire.now_us().saturating_add(limit_us);
         loop {
-            let now_us = self.wire.now_us();
-            clock::set_us(now_us);
+            let now_ns = self.wire.now_ns();
+            clock::set_ns(now_ns);
+            let now_us = now_ns / 1_000;
             if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
                 return Some(output);
             }

@@ -177,6 +177,10 @@ impl Wire for RawSocket {
         u64::try_from(self.start.elapsed().as_micros()).unwrap_or(u64::MAX)
     }
 
+    fn now_ns(&self) -> u64 {
+        u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), WireError> {
         match send(&self.socket, frame, SendFlags::empty()) {
             Ok(length) if length == frame.len() => Ok(()),

@@ -6,6 +6,11 @@ pub trait Wire: Send {
     /// Returns the time, µs; it never goes back.
     fn now_us(&self) -> u64;
 
+    /// Returns the time, ns; the same clock as [`now_us`](Self::now_us).
+    fn now_ns(&self) -> u64 {
+        self.now_us().saturating_mul(1_000)
+    }
+
     /// Sends a frame.
     ///
     /// # Errors
@@ -22,6 +27,18 @@ pub trait Wire: Send {
     /// have the clock of the system and need none.
     fn begin_cycles(&mut self, cycles: u64, cycle_us: u64) {
         let _ = (cycles, cycle_us);
+    }
+
+    /// True if [`begin_cycles`](Self::begin_cycles) makes the cycles: the time goes on to the
+    /// beginning of the next.
+    fn makes_cycles(&self) -> bool {
+        false
+    }
+
+    /// Moves the cycles to come by so much, ns, where [`begin_cycles`](Self::begin_cycles) makes
+    /// them.
+    fn shift_cycles(&mut self, ns: i64) {
+        let _ = ns;
     }
 }
 

@@ -77,6 +77,24 @@ pub trait Plant<const AXES: usize, const MOTORS: usize>: Send {
     ///
     /// A drive without a fault must ignore it. The default does nothing.
     fn reset(&mut self) {}
+
+    /// Returns the time at which the first cycle is to begin, ns of [`now_ns`]: that of a bus whose
+    /// drives have a clock. Called once, after [`start`](Self::start). `None`, the default, for any
+    /// time.
+    ///
+    /// [`now_ns`]: crate::realtime::now_ns
+    fn first_deadline_ns(&mut self) -> Option<u64> {
+        None
+    }
+
+    /// Returns the time by which the next cycle is to begin later than a cycle after the last, ns;
+    /// at most [`MAX_SHIFT_NS`] in magnitude. Called once after each `write`, of a server whose
+    /// ticks come from the clock. 0, the default, for a cycle that follows this computer's clock.
+    ///
+    /// [`MAX_SHIFT_NS`]: crate::realtime::MAX_SHIFT_NS
+    fn deadline_shift_ns(&mut self) -> i64 {
+        0
+    }
 }
 
 /// A machine whose drives take velocities: the position loops are the server's.

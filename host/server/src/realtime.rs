@@ -84,7 +84,11 @@ fn set_realtime(priority: thread_priority::ThreadPriority) -> Result<(), thread_
     thread_priority::set_current_thread_priority(priority)
 }
 
-/// An absolute cycle timer: each cycle's deadline is a whole number of periods after the start.
+/// Largest shift of a deadline, ns: a thousandth of a cycle of 1 ms.
+pub const MAX_SHIFT_NS: i64 = 1_000;
+
+/// An absolute cycle timer: each cycle's deadline is a whole number of periods after the start, and
+/// after its shifts.
 #[derive(Clone, Copy, Debug)]
 pub struct CycleTimer {
     period_ns: u64,
@@ -101,6 +105,21 @@ impl CycleTimer {
             period_ns,
             deadline_ns,
         }
+    }
+
+    /// A timer with this first deadline.
+    #[must_use]
+    pub fn starting_at(period_ns: u64, deadline_ns: u64) -> Self {
+        Self {
+            period_ns: period_ns.max(1),
+            deadline_ns,
+        }
+    }
+
+    /// Moves the next deadline, and those after it, by at most [`MAX_SHIFT_NS`].
+    pub fn shift(&mut self, by_ns: i64) {
+        let by_ns = by_ns.clamp(-MAX_SHIFT_NS, MAX_SHIFT_NS);
+        self.deadline_ns = self.deadline_ns.saturating_add_signed(by_ns);
     }
 
     /// The next deadline.
@@ -188,6 +207,23 @@ mod tests {
         assert!(is_acceptable(&listener));
         let _far = listener.accept().unwrap();
         assert!(!is_acceptable(&listener));
+    }
+
+    #[test]
+    fn a_shift_moves_the_grid_by_a_bounded_time() {
+        let mut timer = CycleTimer::starting_at(1_000_000, now_ns() + 1_000_000);
+        let first = timer.deadline_ns();
+        for (by_ns, moved_ns) in [(300, 300), (-5_000, -1_000), (i64::MAX, 1_000)] {
+            let before = timer.deadline_ns();
+            timer.shift(by_ns);
+            assert_eq!(timer.deadline_ns(), before.saturating_add_signed(moved_ns));
+        }
+        timer.wait();
+        assert_eq!(
+            (timer.deadline_ns() - first) % 1_000_000,
+            300,
+            "the new grid"
+        );
     }
 
     #[test]

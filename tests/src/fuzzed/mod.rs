@@ -15,6 +15,7 @@ mod measurements;
 mod position_loop;
 mod session;
 mod solve;
+mod steering;
 
 pub use compensation::{Loads, compensation};
 pub use config::config;
@@ -27,6 +28,7 @@ pub use measurements::{BETWEEN, kinds_of_file, measurements};
 pub use position_loop::{CONFIG as LOOP_CONFIG, TICK as LOOP_TICK, position_loop};
 pub use session::session;
 pub use solve::solve;
+pub use steering::{SAMPLE, SETTINGS, steering};
 
 use arbitrary::{Arbitrary, Unstructured};
 
@@ -34,7 +36,7 @@ use arbitrary::{Arbitrary, Unstructured};
 pub type Target = fn(&[u8]);
 
 /// Every target by its name, which is that of its folder of seeds.
-pub const TARGETS: [(&str, Target); 12] = [
+pub const TARGETS: [(&str, Target); 13] = [
     ("compensation", compensation),
     ("config", config),
     ("deframer", deframer),
@@ -47,6 +49,7 @@ pub const TARGETS: [(&str, Target); 12] = [
     ("position_loop", position_loop),
     ("session", session),
     ("solve", solve),
+    ("steering", steering),
 ];
 
 /// The input that bytes stand for; none for a few too short ones.

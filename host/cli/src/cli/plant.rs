@@ -15,6 +15,10 @@ const ETHERCAT: &str = "ethercat:";
 /// Prefix of the address of a machine in another process.
 const SOCKET: &str = "socket:";
 
+/// Error of a program without EtherCAT.
+#[cfg(not(all(feature = "ethercat", target_os = "linux")))]
+pub(super) const WITHOUT_ETHERCAT: &str = "this program was built without EtherCAT; build it on Linux, in the repository: cargo install --path host/cli --features ethercat";
+
 /// Choice of `--plant`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PlantChoice {
@@ -80,8 +84,7 @@ impl Serve {
         _robot: &RobotFile<K, N>,
         _allowed: &Allowed,
     ) -> Outcome {
-        Err("this program was built without EtherCAT; build it on Linux, in the repository: cargo install --path host/cli --features ethercat"
-            .into())
+        Err(WITHOUT_ETHERCAT.into())
     }
 }
 
@@ -106,6 +109,7 @@ impl Serve {
                 .ok_or_else(|| EthercatError::NoSection {
                     file: robot.name.clone(),
                 })?;
+            self.check_clocks(robot, section)?;
             let state = self.own_state(robot)?;
             let socket = gantry_tau_ethercat::RawSocket::open(interface)?;
             let owned = Owned::new(state, self.own_ports(robot, allowed)?);
@@ -124,6 +128,7 @@ impl Serve {
         let section = robot.ethercat.clone().unwrap_or_else(|| {
             Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q)
         });
+        self.check_clocks(robot, &section)?;
         let owned = Owned::new(self.own_state(robot)?, self.own_ports(robot, allowed)?);
         self.serve(robot, owned, positions_only, || {
             let bus = emulated_bus::<_, N, M>(robot, &section, tool)?;
@@ -137,5 +142,23 @@ impl Serve {
                 faults.see(row.state.phase);
             }))
         })
+    }
+
+    /// Refuses clocks of the bus together with a pace that cannot follow them.
+    fn check_clocks<K, const N: usize>(
+        &self,
+        robot: &RobotFile<K, N>,
+        section: &gantry_tau_machine::robot_file::Ethercat,
+    ) -> Result<(), super::Failure> {
+        use gantry_tau_machine::robot_file::Clocks;
+
+        if section.clocks == Clocks::Free || self.pace == super::Pace::Real {
+            return Ok(());
+        }
+        Err(format!(
+            "{}: ethercat.clocks: a cycle in lock-step (--pace lockstep) cannot follow SYNC0; expected \"free\"",
+            robot.name
+        )
+        .into())
     }
 }

@@ -100,7 +100,7 @@ pub(crate) struct Serve {
     pub(super) plant: PlantChoice,
     /// Source of the ticks
     #[arg(long, default_value = "real")]
-    pace: Pace,
+    pub(super) pace: Pace,
     /// Largest simulated force, N; 0 for none [default: 300]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     force_max: Option<f64>,

@@ -3,10 +3,10 @@
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::units::{TorquePermille, VelocityUmS};
 use gantry_tau_ethercat::emulation::{
-    Chain, DriveSetup, EmulatedWire, Identity, Process, SubDevice,
+    Chain, ClockSetup, Drive, DriveSetup, EmulatedWire, Identity, Node, Process, SubDevice,
 };
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{Ethercat, RobotFile};
+use gantry_tau_machine::robot_file::{Clocks, Ethercat, RobotFile};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::plant::{Plant, PlantError, ToolReading};
 use gantry_tau_sim::load_generator::AppliedLoad;
@@ -20,6 +20,10 @@ const FOLLOWING_ERROR_M: f64 = 2e-3;
 const FOLLOWING_ERROR_MS: u16 = 10;
 /// Deceleration of an emulated drive's quick stop, m/s².
 const QUICK_STOP_M_PER_S2: f64 = 10.0;
+
+/// Bits of 1C32h:04.
+const SYNC0: u16 = 0x04;
+const SYNC1: u16 = 0x08;
 
 /// A bus in process, with the simulated machine behind it.
 pub type EmulatedBus<const N: usize, const M: usize> = EmulatedWire<EmulatedMachine<N, M>>;
@@ -200,5 +204,31 @@ pub fn emulated_bus<K: MachineKind<N>, const N: usize, const M: usize>(
         tool: None,
         failure: None,
     };
-    Ok(EmulatedWire::new(Chain::new(&setups, machine)))
+    let nodes = (0_u32..)
+        .zip(&setups)
+        .map(|(index, setup)| Node::Drive(drive(index, setup, section.clocks)));
+    Ok(EmulatedWire::new(Chain::of(nodes.collect(), machine)))
+}
+
+/// Returns an emulated drive. With clocks it is one that runs on SYNC0 alone, and whose clock has a
+/// drift of its own.
+fn drive(index: u32, setup: &DriveSetup, clocks: Clocks) -> SubDevice {
+    let drive = Drive::new(setup);
+    if clocks == Clocks::Free {
+        return SubDevice::of(drive);
+    }
+    let types = match clocks {
+        Clocks::Free | Clocks::Sync0 => SYNC0,
+        Clocks::Sync0Sync1 => SYNC0 | SYNC1,
+    };
+    let drive = drive.with_synchronisation(types).requiring_sync0();
+    let drift_ppb = match index % 3 {
+        0 => 20_000,
+        1 => -35_000,
+        _ => 50_000,
+    };
+    SubDevice::of(drive).with_clock(ClockSetup {
+        drift_ppb,
+        offset_ns: u64::from(index) * 7_654_321,
+    })
 }

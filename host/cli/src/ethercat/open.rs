@@ -3,12 +3,15 @@
 use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::PositionNm;
-use gantry_tau_ethercat::{BringUpError, DriveConfig, Drives, Initial, Place, Settings};
+use gantry_tau_ethercat::{
+    BringUpError, ClockSettings, DriveConfig, Drives, Initial, Place, Settings,
+};
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{Ethercat, EthercatDrive, RobotFile};
+use gantry_tau_machine::robot_file::{Clocks, Ethercat, EthercatDrive, RobotFile};
 use gantry_tau_server::plant::interpolator::Interpolator;
 use gantry_tau_server::plant::interpolator::Motion;
 
+use super::fault_log::ClockReports;
 use super::initial_state::{APART_NM, axis_position, offsets_of};
 use super::plant::{DriveMotor, EthercatPlant, MachineWire};
 
@@ -90,6 +93,12 @@ fn key(error: &BringUpError) -> String {
         BringUpError::Watchdog { .. }
         | BringUpError::WatchdogTime { .. }
         | BringUpError::WatchdogOff { .. } => "ethercat.watchdog_cycles".to_owned(),
+        BringUpError::Clocks { .. }
+        | BringUpError::NoClock { .. }
+        | BringUpError::NoSync0 { .. }
+        | BringUpError::ClockApart { .. }
+        | BringUpError::ClockRegister { .. }
+        | BringUpError::Synchronisation { .. } => "ethercat.clocks".to_owned(),
         BringUpError::MissingObject { motor, .. }
         | BringUpError::Refused { motor, .. }
         | BringUpError::Exchange { motor, .. } => format!("ethercat.drives[{motor}]"),
@@ -99,6 +108,20 @@ fn key(error: &BringUpError) -> String {
         | BringUpError::Overdue { .. }
         | BringUpError::Unhandled => "ethercat".to_owned(),
     }
+}
+
+/// Returns the settings of distributed clocks; `None` for drives that run freely.
+fn clocks(section: &Ethercat) -> Option<ClockSettings> {
+    let has_sync1 = match section.clocks {
+        Clocks::Free => return None,
+        Clocks::Sync0 => false,
+        Clocks::Sync0Sync1 => true,
+    };
+    Some(ClockSettings {
+        sync0_ns: section.sync0_ns(),
+        frame_to_sync0_ns: section.frame_to_sync0_us * 1_000,
+        has_sync1,
+    })
 }
 
 /// Returns the expectations of a drive.
@@ -167,12 +190,12 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             watchdog_cycles: section.watchdog_cycles,
             answer_us: ANSWER_US,
         };
-        let drives =
-            Drives::bring_up(wire, &configs, settings).map_err(|error| EthercatError::BringUp {
-                file: robot.name.clone(),
-                key: key(&error),
-                error,
-            })?;
+        let drives = Drives::bring_up_with(wire, &configs, settings, clocks(section));
+        let drives = drives.map_err(|error| EthercatError::BringUp {
+            file: robot.name.clone(),
+            key: key(&error),
+            error,
+        })?;
         let in_force = in_force(robot, &motors, &drives.initial())?;
         let nominal = in_force.map(|in_force| in_force.nominal);
         let path = Interpolator::new(nominal.map(metres), &motion(nominal.map(metres)))
@@ -191,6 +214,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             refusal: None,
             travel: robot.limits.map(|limits| limits.machine_travel),
             faults: None,
+            clock: ClockReports::default(),
         })
     }
 }

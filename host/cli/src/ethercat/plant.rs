@@ -1,21 +1,20 @@
 //! A server's machine on a bus.
 
 use gantry_tau_core::control::axis::{Actual, InForce, Offsets, Reference};
-use gantry_tau_core::control::message::Phase;
 use gantry_tau_core::control::session::config::Travel;
 use gantry_tau_core::units::{Metres, PositionNm, TorquePermille, VelocityUmS};
 use gantry_tau_ethercat::{
-    Condition, Drives, Fault, Input, Offset, PowerState, RawSocket, Target, Wire, check_link,
+    Condition, Drives, Fault, Input, Offset, PowerState, RawSocket, Target, Wire,
 };
 use gantry_tau_machine::encoder_scale::EncoderScale;
 use gantry_tau_machine::robot_file::CYCLE_US;
 use gantry_tau_server::plant::interpolator::Interpolator;
 use gantry_tau_server::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
+use gantry_tau_server::realtime;
 
+use super::fault_log::{ClockReports, FaultLog};
 use super::initial_state::{APART_NM, axis_position, targets};
 
-/// Faults that may wait to be logged: one in each row of a server that waits.
-const FAULTS: usize = 4_096;
 /// Re-arms of an axis that may fail.
 const ENABLE: [&str; 6] = [
     "enable the drives of axis 0",
@@ -123,86 +122,16 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
     /// Travel of the axes.
     pub(super) travel: [Travel; N],
     pub(super) faults: Option<rtrb::Producer<Fault>>,
-}
-
-/// The faults of a bus, for the log of another thread.
-#[derive(Debug)]
-pub struct FaultLog {
-    faults: rtrb::Consumer<Fault>,
-    /// Faults logged since the last re-arm, and the cycles in which each came again.
-    logged: Vec<(Fault, u64)>,
-    phase: Phase,
-    /// Network interface, whose link explains missing answers.
-    interface: Option<String>,
-}
-
-impl FaultLog {
-    /// Names the network interface: a fault is logged with the state of its link, if that is not
-    /// up.
-    #[must_use]
-    pub fn of_interface(self, interface: &str) -> Self {
-        Self {
-            interface: Some(interface.to_owned()),
-            ..self
-        }
-    }
-
-    /// Logs faults with their motors and codes, each cause once until the server's phase has left
-    /// Fault; then how often it came again. Returns the lines.
-    pub fn see(&mut self, phase: Phase) -> Vec<String> {
-        let mut lines = Vec::new();
-        if self.phase == Phase::Fault && phase != Phase::Fault {
-            for (fault, again) in self.logged.drain(..).filter(|(_, again)| *again > 0) {
-                lines.push(format!(
-                    "EtherCAT: {fault}: in {again} more cycles until the re-arm"
-                ));
-                tracing::info!("{}", lines.last().map_or("", String::as_str));
-            }
-            self.logged.clear();
-        }
-        self.phase = phase;
-        while let Some(fault) = self.next() {
-            match self.logged.iter_mut().find(|(logged, _)| {
-                logged.name() == fault.name() && logged.motor() == fault.motor()
-            }) {
-                Some((_, again)) => *again = again.saturating_add(1),
-                None if fault == Fault::Rearming => {}
-                None => {
-                    let link = self
-                        .interface
-                        .as_deref()
-                        .and_then(|interface| check_link(interface).err());
-                    let because = link.map_or_else(String::new, |link| format!(": {link}"));
-                    lines.push(format!("EtherCAT: {fault}{because}"));
-                    tracing::error!("{}", lines.last().map_or("", String::as_str));
-                    self.logged.push((fault, 0));
-                }
-            }
-        }
-        lines
-    }
-}
-
-/// The faults that were not taken yet.
-impl Iterator for FaultLog {
-    type Item = Fault;
-
-    fn next(&mut self) -> Option<Fault> {
-        self.faults.pop().ok()
-    }
+    pub(super) clock: ClockReports,
 }
 
 impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
     /// Returns the log of faults, to be written by another thread. The first call has it.
     pub fn fault_log(&mut self) -> FaultLog {
-        let (producer, faults) = rtrb::RingBuffer::new(FAULTS);
-        self.faults = Some(producer);
-        FaultLog {
-            faults,
-            logged: Vec::new(),
-            phase: Phase::Listening,
-            interface: None,
-        }
+        let (log, faults, reports) = FaultLog::new();
+        self.faults = Some(faults);
+        self.clock.report_to(reports);
+        log
     }
 
     /// Returns the drives.
@@ -327,11 +256,24 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> Plant<N, M> for Ethercat
         self.nominal = self.in_force.map(|in_force| in_force.nominal);
         self.sent = self.in_force;
         if let Condition::Stopped(fault) = self.drives.condition() {
+            if matches!(fault, Fault::Clock(_) | Fault::NotInPhase) {
+                return Err(failed(&fault));
+            }
             // A drive that is still in fault waits for the re-arm: the server starts, and stops.
             self.held = true;
             self.note(Err(fault));
         }
         Ok(())
+    }
+
+    fn first_deadline_ns(&mut self) -> Option<u64> {
+        let next_ns = self.drives.next_cycle_ns()?;
+        let ahead_ns = next_ns.saturating_sub(self.drives.wire_mut().now_ns());
+        Some(realtime::now_ns().saturating_add(ahead_ns))
+    }
+
+    fn deadline_shift_ns(&mut self) -> i64 {
+        self.drives.take_shift_ns()
     }
 
     fn in_force(&mut self) -> Result<[InForce; N], PlantError> {
@@ -396,6 +338,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> Plant<N, M> for Ethercat
         }
         self.drives.wire_mut().note(&self.sent);
         let outcome = self.drives.cycle(&wanted);
+        self.clock.see(&self.drives);
         self.failure = self.drives.wire_mut().failure();
         if self.drives.is_confirmed() {
             self.in_force = self.sent;

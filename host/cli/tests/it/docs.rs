@@ -310,6 +310,11 @@ const ELSEWHERE: &[[&str; 3]] = &[
         "builds and installs the program: nowhere; `.ci/package` builds with this feature",
     ],
     [
+        "docs/ethercat.md",
+        "gantry-tau bus scan emulated",
+        "needs a program with EtherCAT: `host/cli/tests/it/golden.rs`, which records the output",
+    ],
+    [
         "docs/python.md",
         "pip install maturin",
         "builds a wheel and installs it: `.ci/run`, with `tests/tests/tools/python/of_wheel.py`",

@@ -139,3 +139,79 @@ fn another_word_is_refused_with_the_choices() {
         "{said}"
     );
 }
+
+/// Keys of the distributed clocks that cannot be, and a pace that cannot follow them.
+#[test]
+fn clocks_that_cannot_be_are_refused_by_their_keys() {
+    let folder = Folder::new("ethercat-clocks");
+    let reasons = [
+        ("clocks = \"dc\"", "ethercat.clocks: "),
+        (
+            "sync0_us = 0",
+            "ethercat.sync0_us: is 0; expected a multiple of 62.5 that divides the cycle of 1000 us",
+        ),
+        ("sync0_us = 300", "ethercat.sync0_us: is 300; "),
+        ("sync0_us = 2000", "ethercat.sync0_us: is 2000; "),
+        ("sync0_us = nan", "ethercat.sync0_us: is NaN; "),
+        (
+            "frame_to_sync0_us = 199",
+            "ethercat.frame_to_sync0_us: is 199; expected from 200 to 800",
+        ),
+        (
+            "frame_to_sync0_us = 801",
+            "ethercat.frame_to_sync0_us: is 801; ",
+        ),
+    ];
+    for (key, reason) in reasons {
+        let section = bus().replace("[ethercat]\n", &format!("[ethercat]\n{key}\n"));
+        folder.write("bus.toml", &robot(&section));
+        let ended = folder.run(&["robot", "check", "bus.toml"]);
+        assert_eq!(ended.code, Some(1), "{key}");
+        assert!(ended.stderr.contains(reason), "{key}: {}", ended.stderr);
+    }
+    let section = bus().replace("[ethercat]\n", "[ethercat]\nclocks = \"sync0\"\n");
+    folder.write("bus.toml", &robot(&section));
+    let arguments = [
+        "serve",
+        "--robot",
+        "bus.toml",
+        "--listen",
+        FREE,
+        "--pace",
+        "lockstep",
+        "--plant",
+        "ethercat:emulated",
+    ];
+    let ended = folder.run(&arguments);
+    if !HAS_ETHERCAT {
+        return assert_built_without(ended);
+    }
+    assert_eq!(
+        ended.failure(1),
+        "gantry-tau: bus.toml: ethercat.clocks: a cycle in lock-step (--pace lockstep) cannot follow SYNC0; expected \"free\""
+    );
+}
+
+/// By the clock of this computer, the cycle is steered to that of the emulated bus.
+#[test]
+fn an_emulated_bus_with_clocks_is_served_in_phase() {
+    if !HAS_ETHERCAT {
+        return;
+    }
+    let folder = Folder::new("ethercat-sync0");
+    let section = bus().replace("[ethercat]\n", "[ethercat]\nclocks = \"sync0\"\n");
+    folder.write("bus.toml", &robot(&section));
+    let arguments = [
+        "serve",
+        "--robot",
+        "bus.toml",
+        "--listen",
+        FREE,
+        "--plant",
+        "ethercat:emulated",
+    ];
+    let mut server = folder.start_with("serve", &arguments, Stdio::piped());
+    server.await_words("EtherCAT: the cycle is in phase with SYNC0");
+    server.write("quit\n");
+    assert!(server.end().success().contains("ended"));
+}

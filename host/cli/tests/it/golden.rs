@@ -145,6 +145,17 @@ fn without_checksums(text: &str) -> String {
     })
 }
 
+/// Every kind of device that the emulation has.
+#[cfg(all(feature = "ethercat", target_os = "linux"))]
+#[test]
+fn devices_of_a_bus() {
+    let mut walk = Walk::new("bus");
+    walk.run("bus scan emulated");
+    walk.run("bus scan emulated --try-mapping");
+    walk.run("bus scan emulated --json");
+    walk.end();
+}
+
 /// Everything that `identify` can be asked for, over a play.
 #[test]
 fn springs_of_an_l2_beyond_its_jump() {

@@ -9,6 +9,8 @@
     reason = "tests fail by panicking"
 )]
 
+#[cfg(unix)]
+mod bus;
 mod chain;
 mod demo;
 #[cfg(target_os = "linux")]
@@ -73,7 +75,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 22] = [
+    const COMMANDS: [&str; 23] = [
         "demo",
         "serve",
         "client",
@@ -88,6 +90,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         "follow",
         "replay",
         "robot",
+        "bus",
         "workspace",
         "draw",
         "header",
@@ -107,6 +110,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
             "follow",
             "plan",
             "robot",
+            "bus",
             "workspace",
             "draw",
             "header",

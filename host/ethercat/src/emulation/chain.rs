@@ -1,10 +1,16 @@
 //! A chain of SubDevices that frames pass through, and the process that their motors move.
 
 use super::drive::{Drive, DriveSetup, STEP_US};
+use super::instrument::Instrument;
+use super::slots::{Controller, Node, Slots};
 use super::subdevice::SubDevice;
 
-/// Time that a frame takes through the chain, µs.
-const FRAME_US: u64 = 10;
+/// Time that a frame takes to the chain, ns.
+const FRAME_NS: u64 = 10_000;
+/// Time that a frame takes from one SubDevice to the next, ns.
+const HOP_NS: u64 = 310;
+/// Step of the drives and the process, ns.
+const STEP_NS: u64 = STEP_US * 1_000;
 /// Headers of a frame and of a datagram, bytes.
 const FRAME_HEADER: usize = 16;
 const DATAGRAM_HEADER: usize = 10;
@@ -18,6 +24,22 @@ pub trait Process: Send {
     /// Runs one millisecond: motors that are enabled follow their references, the others are held
     /// by their brakes.
     fn step(&mut self, drives: &mut [SubDevice]);
+
+    /// Shows the instruments what they measure, after each step.
+    fn measure(&mut self, instruments: &mut [SubDevice<Instrument>]) {
+        let _ = instruments;
+    }
+}
+
+/// A write of a MainDevice that a SubDevice took.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Write {
+    /// Place of the SubDevice.
+    pub position: usize,
+    /// Physical address; `None` for one by logical address.
+    pub address: Option<u16>,
+    /// Data.
+    pub data: Vec<u8>,
 }
 
 /// Motors that close in on their references, half of the way in each step: enough where no machine
@@ -41,30 +63,38 @@ impl Process for Kinematic {
     }
 }
 
-/// A chain of drives. Its time is given by the caller: nothing happens between two calls.
+/// A chain of drives and other devices. Its time is given by the caller: nothing happens between two calls.
 #[derive(Clone, Debug)]
 pub struct Chain<P> {
-    subdevices: Vec<SubDevice>,
+    slots: Slots,
     process: P,
-    now_us: u64,
-    step_us: u64,
+    now_ns: u64,
+    step_ns: u64,
     /// SubDevices that frames reach; a cut cable is closed to a ring before it.
     reached: usize,
     /// A SubDevice that frames pass by.
     bypassed: Option<usize>,
+    /// Writes since the log began.
+    writes: Option<Vec<Write>>,
 }
 
 impl<P: Process> Chain<P> {
-    /// Creates drives that have just been powered.
+    /// Creates a chain of drives that have just been powered.
     pub fn new(drives: &[DriveSetup], process: P) -> Self {
-        let subdevices = drives.iter().map(SubDevice::new).collect();
+        let drives = drives.iter().map(SubDevice::new).map(Node::Drive);
+        Self::of(drives.collect(), process)
+    }
+
+    /// Creates a chain.
+    pub fn of(nodes: Vec<Node>, process: P) -> Self {
         let mut chain = Self {
-            subdevices,
+            reached: nodes.len(),
+            slots: Slots::new(nodes),
             process,
-            now_us: 0,
-            step_us: STEP_US,
-            reached: drives.len(),
+            now_ns: 0,
+            step_ns: STEP_NS,
             bypassed: None,
+            writes: None,
         };
         chain.set_ports();
         chain
@@ -73,28 +103,58 @@ impl<P: Process> Chain<P> {
     /// Returns the time, µs.
     #[must_use]
     pub const fn now_us(&self) -> u64 {
-        self.now_us
+        self.now_ns / 1_000
     }
 
-    /// Returns a SubDevice, from 0 at the MainDevice.
+    /// Returns the time, ns.
     #[must_use]
-    pub fn subdevice(&self, index: usize) -> Option<&SubDevice> {
-        self.subdevices.get(index)
+    pub const fn now_ns(&self) -> u64 {
+        self.now_ns
     }
 
-    /// Returns a SubDevice, to be handled.
-    pub fn subdevice_mut(&mut self, index: usize) -> Option<&mut SubDevice> {
-        self.subdevices.get_mut(index)
+    /// Returns the drive at a place, from 0 at the MainDevice; `None` where another device stands.
+    #[must_use]
+    pub fn subdevice(&self, position: usize) -> Option<&SubDevice> {
+        self.slots.drive(position)
+    }
+
+    /// Returns the drive at a place, to be handled.
+    pub fn subdevice_mut(&mut self, position: usize) -> Option<&mut SubDevice> {
+        self.slots.drive_mut(position)
+    }
+
+    /// Returns the device at a place that is no drive, to be handled.
+    pub fn instrument_mut(&mut self, position: usize) -> Option<&mut SubDevice<Instrument>> {
+        self.slots.instrument_mut(position)
     }
 
     /// Returns the drives.
     pub fn drives(&self) -> impl Iterator<Item = &Drive> {
-        self.subdevices.iter().map(SubDevice::drive)
+        self.slots.drives.iter().map(SubDevice::drive)
     }
 
     /// Returns the drives, to be handled.
     pub fn drives_mut(&mut self) -> impl Iterator<Item = &mut Drive> {
-        self.subdevices.iter_mut().map(SubDevice::drive_mut)
+        self.slots.drives.iter_mut().map(SubDevice::drive_mut)
+    }
+
+    /// Returns the highest state of the application layer that any SubDevice has had.
+    pub fn highest_state(&mut self) -> u8 {
+        let mut highest = 0;
+        self.slots
+            .for_each(|_, controller| highest = highest.max(controller.highest_state()));
+        highest
+    }
+
+    /// Logs from now on what SubDevices take.
+    pub fn log_writes(&mut self) {
+        self.writes = Some(Vec::new());
+    }
+
+    /// Returns what SubDevices took since the log began.
+    #[must_use]
+    pub fn writes(&self) -> &[Write] {
+        self.writes.as_deref().unwrap_or(&[])
     }
 
     /// Returns the process behind the drives.
@@ -104,15 +164,13 @@ impl<P: Process> Chain<P> {
 
     /// Swaps the places of two SubDevices.
     pub fn swap(&mut self, first: usize, second: usize) {
-        if first.max(second) < self.subdevices.len() {
-            self.subdevices.swap(first, second);
-        }
+        self.slots.swap(first, second);
         self.set_ports();
     }
 
     /// Cuts the cable behind the first `reached` SubDevices; their number mends it.
     pub fn cut_behind(&mut self, reached: usize) {
-        self.reached = reached.min(self.subdevices.len());
+        self.reached = reached.min(self.slots.len());
         self.set_ports();
     }
 
@@ -123,35 +181,45 @@ impl<P: Process> Chain<P> {
 
     fn set_ports(&mut self) {
         let last = self.reached.saturating_sub(1);
-        for (index, subdevice) in self.subdevices.iter_mut().enumerate() {
-            subdevice.set_ports(index < last);
-        }
+        self.slots
+            .for_each(|position, controller| controller.set_ports(position < last));
     }
 
-    /// Runs to a time: state machines, watchdogs, and the process once per millisecond.
+    /// Runs to a time, µs; see [`advance_to_ns`](Self::advance_to_ns).
     pub fn advance_to(&mut self, now_us: u64) {
-        while self.step_us <= now_us {
-            let at = self.step_us;
-            self.now_us = self.now_us.max(at);
-            for subdevice in &mut self.subdevices {
-                subdevice.advance_to(at);
-                subdevice.drive_mut().command();
-            }
-            self.process.step(&mut self.subdevices);
+        self.advance_to_ns(now_us.saturating_mul(1_000));
+    }
+
+    /// Runs to a time, ns: state machines, watchdogs, pulses of SYNC0, and the process once per
+    /// millisecond.
+    pub fn advance_to_ns(&mut self, now_ns: u64) {
+        while self.step_ns <= now_ns {
+            let at = self.step_ns;
+            self.now_ns = self.now_ns.max(at);
+            self.slots
+                .for_each(|_, controller| controller.advance_to(at));
+            // A drive with SYNC0 runs by its pulses.
+            let freely = self
+                .slots
+                .drives
+                .iter_mut()
+                .filter(|drive| !drive.has_sync0());
+            freely.for_each(|subdevice| subdevice.drive_mut().command());
+            self.process.step(&mut self.slots.drives);
             self.drives_mut().for_each(Drive::measure);
-            self.step_us += STEP_US;
+            self.process.measure(&mut self.slots.instruments);
+            self.step_ns += STEP_NS;
         }
-        self.now_us = self.now_us.max(now_us);
-        let now_us = self.now_us;
-        self.subdevices
-            .iter_mut()
-            .for_each(|subdevice| subdevice.advance_to(now_us));
+        self.now_ns = self.now_ns.max(now_ns);
+        let now_ns = self.now_ns;
+        self.slots
+            .for_each(|_, controller| controller.advance_to(now_ns));
     }
 
     /// Passes a frame through the chain and back, in place; the time goes on by its way. False if
     /// it is not of EtherCAT, or broken.
     pub fn pass(&mut self, frame: &mut [u8]) -> bool {
-        self.advance_to(self.now_us + FRAME_US);
+        self.advance_to_ns(self.now_ns + FRAME_NS);
         if frame.get(12..14) != Some(&ETHERCAT) || self.reached == 0 {
             return false;
         }
@@ -186,17 +254,34 @@ impl<P: Process> Chain<P> {
         let end = DATAGRAM_HEADER + length;
         let mut counter = word(bytes, end)?;
         let data = bytes.get_mut(DATAGRAM_HEADER..end)?;
-        for (index, subdevice) in self.subdevices.iter_mut().take(self.reached).enumerate() {
-            if self.bypassed == Some(index) {
+        for position in 0..self.reached {
+            if self.bypassed == Some(position) {
                 continue;
             }
+            let Some(controller) = self.slots.controller(position) else {
+                continue;
+            };
+            let (before, behind) = (position as u64, (self.reached - 1 - position) as u64);
+            let here_ns = self.now_ns + before * HOP_NS;
+            controller.set_passing(here_ns, here_ns + 2 * behind * HOP_NS);
             let is_selected = match command {
                 1..=3 | 13 => address == 0,
-                4..=6 | 14 => subdevice.answers_to(address),
+                4..=6 | 14 => controller.answers_to(address),
                 _ => true,
             };
-            let grown = execute(subdevice, command, is_selected, (address, offset), data);
+            let sent = self.writes.is_some().then(|| data.to_vec());
+            let grown = execute(controller, command, is_selected, (address, offset), data);
             counter = counter.wrapping_add(grown);
+            if let (Some(log), Some(data)) = (&mut self.writes, sent) {
+                if grown > 0 && writes(command, is_selected) {
+                    let address = (!matches!(command, 10..=12)).then_some(offset);
+                    log.push(Write {
+                        position,
+                        address,
+                        data,
+                    });
+                }
+            }
             if matches!(command, 1..=3 | 7..=9 | 13) {
                 address = address.wrapping_add(1);
             }
@@ -214,9 +299,18 @@ fn word(bytes: &[u8], at: usize) -> Option<u16> {
     Some(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?))
 }
 
+/// True for a command that writes at a SubDevice.
+const fn writes(command: u8, is_selected: bool) -> bool {
+    match command {
+        2 | 3 | 5 | 6 | 8 | 9 | 11 | 12 => true,
+        13 | 14 => !is_selected,
+        _ => false,
+    }
+}
+
 /// Executes a command at one SubDevice. Returns what the working counter grows by.
 fn execute(
-    subdevice: &mut SubDevice,
+    subdevice: &mut dyn Controller,
     command: u8,
     is_selected: bool,
     (address, offset): (u16, u16),
@@ -239,7 +333,7 @@ fn execute(
 }
 
 /// Reads into the datagram by a logical or, as broadcasts do.
-fn read_broadcast(subdevice: &mut SubDevice, offset: u16, data: &mut [u8]) -> u16 {
+fn read_broadcast(subdevice: &mut dyn Controller, offset: u16, data: &mut [u8]) -> u16 {
     let mut room = [0_u8; MAX_DATAGRAM];
     let Some(own) = room.get_mut(..data.len()) else {
         return 0;
@@ -251,7 +345,12 @@ fn read_broadcast(subdevice: &mut SubDevice, offset: u16, data: &mut [u8]) -> u1
     was_read.into()
 }
 
-fn read_and_write(subdevice: &mut SubDevice, offset: u16, data: &mut [u8], broadcast: bool) -> u16 {
+fn read_and_write(
+    subdevice: &mut dyn Controller,
+    offset: u16,
+    data: &mut [u8],
+    broadcast: bool,
+) -> u16 {
     let mut room = [0_u8; MAX_DATAGRAM];
     let Some(sent) = room.get_mut(..data.len()) else {
         return 0;

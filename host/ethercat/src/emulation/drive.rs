@@ -1,8 +1,10 @@
 //! A drive of CiA 402 in cyclic synchronous position mode: objects, states, supervision.
 
+use super::device::{Device, MAX_PROCESS_DATA};
+use super::mailbox::{self, Dictionary};
 use super::mapping::{Mapped, Pdo};
 use super::objects::{Mappable, Objects, abort, entries};
-use super::sii::Identity;
+use super::sii::{COE, Identity, Sii};
 
 /// Length of a step of the drive, µs.
 pub const STEP_US: u64 = 1_000;
@@ -85,10 +87,14 @@ pub struct Motor {
 /// A drive.
 #[derive(Clone, Debug)]
 pub struct Drive {
-    pub(super) objects: Objects,
-    pub(super) outputs: Pdo,
-    pub(super) inputs: Pdo,
-    name: &'static str,
+    setup: DriveSetup,
+    /// Object 1C32h:04, and the same of 1C33h; a drive without it has neither.
+    synchronisation: Option<u16>,
+    has_fixed_pdos: bool,
+    requires_sync0: bool,
+    objects: Objects,
+    outputs: Pdo,
+    inputs: Pdo,
     state: PowerState,
     /// Steps in the present state.
     steps: u32,
@@ -109,7 +115,9 @@ pub struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(setup: &DriveSetup) -> Self {
+    /// Creates a drive that has just been powered.
+    #[must_use]
+    pub fn new(setup: &DriveSetup) -> Self {
         let [output, input, no] = [Mappable::Output, Mappable::Input, Mappable::No];
         let id = setup.identity;
         let rows = [
@@ -153,10 +161,13 @@ impl Drive {
         let inputs = [Mapped::whole(0x6041, 16), Mapped::whole(0x6064, 32)];
         let position = setup.position.into();
         Self {
+            setup: setup.clone(),
+            synchronisation: None,
+            has_fixed_pdos: false,
+            requires_sync0: false,
             objects: Objects::new(present),
             outputs: Pdo::new(output, 0x1600, 0x1C12, &outputs),
             inputs: Pdo::new(input, 0x1A00, 0x1C13, &inputs),
-            name: "emulated drive",
             state: PowerState::SwitchOnDisabled,
             steps: 0,
             control: 0,
@@ -181,10 +192,36 @@ impl Drive {
         }
     }
 
-    /// Returns the name in its SII and in object 1008h.
+    /// Adds the objects of synchronisation, 1C32h and 1C33h, with the supported types (sub-index
+    /// 04): bit 0 free run, bit 1 the sync manager's event, bits 2 and 3 SYNC0 and SYNC1.
     #[must_use]
-    pub const fn name(&self) -> &'static str {
-        self.name
+    pub fn with_synchronisation(mut self, types: u16) -> Self {
+        self.synchronisation = Some(types);
+        for object in [0x1C32, 0x1C33] {
+            self.objects.extend(entries(&[
+                (object, 0, 8, false, Mappable::No, 4),
+                (object, 1, 16, true, Mappable::No, 0),
+                (object, 2, 32, true, Mappable::No, 0),
+                (object, 4, 16, false, Mappable::No, types.into()),
+            ]));
+        }
+        self
+    }
+
+    /// Makes it a drive that refuses OP without SYNC0, and leaves it when references stay away.
+    #[must_use]
+    pub const fn requiring_sync0(mut self) -> Self {
+        self.requires_sync0 = true;
+        self
+    }
+
+    /// Makes the contents of its PDOs fixed: 6040h and 607Ah, 6041h and 6064h.
+    #[must_use]
+    pub fn with_fixed_pdos(mut self) -> Self {
+        self.has_fixed_pdos = true;
+        self.outputs.fix();
+        self.inputs.fix();
+        self
     }
 
     /// Returns the state of CiA 402.
@@ -240,16 +277,8 @@ impl Drive {
         self.fail(ERROR_FORCED);
     }
 
-    /// Says whether process data is valid. A drive that leaves OP while it has power brakes, and is
-    /// in fault.
-    pub(super) fn set_operational(&mut self, operational: bool) {
-        if self.is_operational && !operational && self.has_torque() {
-            self.fail(ERROR_BUS);
-        }
-        if !operational {
-            self.control = 0;
-        }
-        self.is_operational = operational;
+    pub(super) fn set_watchdog(&mut self, is_writable: bool, has_watchdog: bool) {
+        (self.setup.watchdog_is_writable, self.setup.has_watchdog) = (is_writable, has_watchdog);
     }
 
     const fn has_torque(&self) -> bool {
@@ -287,13 +316,6 @@ impl Drive {
             // The loop closes at the reference; a step from where the motor stands would be a jump.
             self.followed = Some(self.motor.position);
             self.velocity = 0;
-        }
-    }
-
-    /// Takes process data that has just been written whole.
-    pub(super) fn take_outputs(&mut self, data: &[u8]) {
-        if self.is_operational {
-            self.outputs.unpack(data, &mut self.objects);
         }
     }
 
@@ -436,9 +458,90 @@ impl Drive {
             self.fail(ERROR_FOLLOWING);
         }
     }
+}
 
-    /// Uploads an object. `is_pre_op` is not asked: reading is always allowed.
-    pub(super) fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
+impl Device for Drive {
+    fn sii(&self) -> Sii {
+        Sii {
+            identity: self.setup.identity,
+            alias: self.setup.alias,
+            name: self.name(),
+            protocols: COE,
+            has_process_data: true,
+            has_watchdog: self.setup.has_watchdog,
+        }
+    }
+
+    fn lengths(&self) -> [usize; 2] {
+        [&self.outputs, &self.inputs].map(Pdo::length)
+    }
+
+    fn answer(
+        &mut self,
+        request: &[u8],
+        last_counter: &mut u8,
+        is_pre_op: bool,
+    ) -> Option<Vec<u8>> {
+        mailbox::answer(self, request, last_counter, is_pre_op)
+    }
+
+    /// A drive that leaves OP while it has power brakes, and is in fault.
+    fn set_operational(&mut self, is_operational: bool) {
+        if self.is_operational && !is_operational && self.has_torque() {
+            self.fail(ERROR_BUS);
+        }
+        if !is_operational {
+            self.control = 0;
+        }
+        self.is_operational = is_operational;
+    }
+
+    fn take_outputs(&mut self, data: &[u8]) {
+        if self.is_operational {
+            self.outputs.unpack(data, &mut self.objects);
+        }
+    }
+
+    fn inputs(&mut self, data: &mut [u8; MAX_PROCESS_DATA]) -> usize {
+        self.objects.set(0x6041, 0, self.status().into());
+        self.inputs.pack(&self.objects, data)
+    }
+
+    fn power_cycle(&mut self) {
+        let position = self.motor.position;
+        let mut again = Self::new(&DriveSetup {
+            position: position.clamp(i32::MIN.into(), i32::MAX.into()) as i32,
+            ..self.setup.clone()
+        });
+        if let Some(types) = self.synchronisation {
+            again = again.with_synchronisation(types);
+        }
+        if self.has_fixed_pdos {
+            again = again.with_fixed_pdos();
+        }
+        again.requires_sync0 = self.requires_sync0;
+        *self = again;
+    }
+
+    fn sync0(&mut self) {
+        self.command();
+    }
+
+    fn requires_sync0(&self) -> bool {
+        self.requires_sync0
+    }
+
+    fn watchdog_is_writable(&self) -> bool {
+        self.setup.watchdog_is_writable
+    }
+}
+
+impl Dictionary for Drive {
+    fn name(&self) -> &'static str {
+        "emulated drive"
+    }
+
+    fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
         for pdo in [&self.outputs, &self.inputs] {
             if pdo.owns(index) {
                 return pdo.upload(index, sub);
@@ -447,14 +550,7 @@ impl Drive {
         self.objects.upload(index, sub)
     }
 
-    /// Downloads an object; mapping and assignment in PRE-OP only.
-    pub(super) fn download(
-        &mut self,
-        index: u16,
-        sub: u8,
-        bytes: &[u8],
-        is_pre_op: bool,
-    ) -> Result<(), u32> {
+    fn download(&mut self, index: u16, sub: u8, bytes: &[u8], is_pre_op: bool) -> Result<(), u32> {
         for pdo in [&mut self.outputs, &mut self.inputs] {
             if pdo.owns(index) {
                 return if is_pre_op {

@@ -1,7 +1,6 @@
-//! Mailbox of an emulated drive: CoE with expedited transfers, and normal uploads of what is
+//! Mailbox of an emulated device: CoE with expedited transfers, and normal uploads of what is
 //! longer.
 
-use super::drive::Drive;
 use super::objects::abort;
 
 /// Length of the mailbox's, CoE's and SDO's headers, bytes.
@@ -10,9 +9,33 @@ const HEADERS: usize = 12;
 const COE: u8 = 3;
 const ERROR: u8 = 0;
 
+/// Objects that are read and written through the mailbox.
+pub(super) trait Dictionary {
+    /// Returns the name, object 1008h and a string of the EEPROM.
+    fn name(&self) -> &'static str;
+
+    /// Uploads an object, in every state.
+    ///
+    /// # Errors
+    /// The abort code.
+    fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32>;
+
+    /// Downloads an object; mapping and assignment in PRE-OP only.
+    ///
+    /// # Errors
+    /// The abort code.
+    fn download(&mut self, index: u16, sub: u8, bytes: &[u8], is_pre_op: bool) -> Result<(), u32>;
+}
+
+/// Returns an emergency message with an error code.
+pub(super) fn emergency(code: u16) -> Vec<u8> {
+    let [low, high] = code.to_le_bytes();
+    mailbox(COE, 0, &[0, 1 << 4, low, high, 0, 0, 0, 0, 0, 0])
+}
+
 /// Answers a request. `None` for one that a SubDevice ignores: a repeated one.
 pub(super) fn answer(
-    drive: &mut Drive,
+    device: &mut impl Dictionary,
     request: &[u8],
     last_counter: &mut u8,
     is_pre_op: bool,
@@ -36,7 +59,7 @@ pub(super) fn answer(
     let index = u16::from_le_bytes([byte(request, 9), byte(request, 10)]);
     let sub = byte(request, 11);
     let payload = request.get(HEADERS..HEADERS + 4).unwrap_or(&[]);
-    let body = match respond(drive, command, index, sub, payload, is_pre_op) {
+    let body = match respond(device, command, index, sub, payload, is_pre_op) {
         Ok(body) => body,
         Err(code) => body(0x80, index, sub, &code.to_le_bytes()),
     };
@@ -49,7 +72,7 @@ fn byte(request: &[u8], index: usize) -> u8 {
 }
 
 fn respond(
-    drive: &mut Drive,
+    device: &mut impl Dictionary,
     command: u8,
     index: u16,
     sub: u8,
@@ -61,19 +84,19 @@ fn respond(
         _ if is_complete => Err(abort::NO_COMPLETE_ACCESS),
         // Upload.
         2 if (index, sub) == (0x1008, 0) => {
-            let name = drive.name().as_bytes();
+            let name = device.name().as_bytes();
             let mut data = (name.len() as u32).to_le_bytes().to_vec();
             data.extend(name);
             Ok(body(0x41, index, sub, &data))
         }
         2 => {
-            let (bytes, length) = drive.upload(index, sub)?;
+            let (bytes, length) = device.upload(index, sub)?;
             Ok(body(0x43 | ((4 - length) as u8) << 2, index, sub, &bytes))
         }
         // Download: expedited, with its size.
         1 if command & 0x03 == 0x03 => {
             let length = 4 - usize::from(command >> 2 & 3);
-            drive.download(
+            device.download(
                 index,
                 sub,
                 payload.get(..length).ok_or(abort::LENGTH)?,

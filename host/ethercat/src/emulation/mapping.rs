@@ -1,12 +1,11 @@
 //! PDO mapping and assignment of an emulated drive: one PDO each way, with contents that are
 //! written in PRE-OP.
 
+use super::device::MAX_PROCESS_DATA;
 use super::objects::{Entry, Mappable, Objects, abort};
 
 /// Largest number of entries of a PDO.
 const ENTRIES: usize = 8;
-/// Largest length of a PDO, bytes.
-const MAX_PDO: usize = 40;
 
 /// An entry of a PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +36,8 @@ pub(super) struct Pdo {
     count: u8,
     assigned: Option<u16>,
     is_assigned: bool,
+    /// The contents cannot be written.
+    is_fixed: bool,
 }
 
 impl Pdo {
@@ -60,7 +61,13 @@ impl Pdo {
             count,
             assigned: Some(object),
             is_assigned: true,
+            is_fixed: false,
         }
+    }
+
+    /// Refuses writes of the contents from now on.
+    pub(super) const fn fix(&mut self) {
+        self.is_fixed = true;
     }
 
     /// True if an object belongs to this PDO.
@@ -126,6 +133,9 @@ impl Pdo {
                 expect_length(bytes, if sub == 0 { 1 } else { 2 }),
             );
         }
+        if self.is_fixed {
+            return Err(abort::READ_ONLY);
+        }
         if sub == 0 {
             expect_length(bytes, 1)?;
             return self.count(value, objects);
@@ -186,7 +196,7 @@ impl Pdo {
             .flatten()
             .map(|it| usize::from(it.bits / 8))
             .sum();
-        if length > MAX_PDO {
+        if length > MAX_PROCESS_DATA {
             return Err(abort::PDO_TOO_LONG);
         }
         let missing = self
@@ -221,7 +231,7 @@ impl Pdo {
     }
 
     /// Collects process data from the objects; returns its length.
-    pub(super) fn pack(&self, objects: &Objects, data: &mut [u8; MAX_PDO]) -> usize {
+    pub(super) fn pack(&self, objects: &Objects, data: &mut [u8; MAX_PROCESS_DATA]) -> usize {
         let mut at = 0;
         for mapped in self.active() {
             let length = usize::from(mapped.bits / 8);
@@ -246,9 +256,4 @@ const fn expect_length(bytes: &[u8], length: usize) -> Result<(), u32> {
     } else {
         Err(abort::LENGTH)
     }
-}
-
-/// Room for a packed PDO.
-pub(super) const fn room() -> [u8; MAX_PDO] {
-    [0; MAX_PDO]
 }

@@ -89,6 +89,10 @@ impl Memory {
         u32::from(self.u16(address)) | u32::from(self.u16(address.saturating_add(2))) << 16
     }
 
+    pub(super) fn u64(&self, address: u16) -> u64 {
+        u64::from(self.u32(address)) | u64::from(self.u32(address.saturating_add(4))) << 32
+    }
+
     pub(super) fn set_u16(&mut self, address: u16, value: u16) {
         self.set(address, &value.to_le_bytes());
     }

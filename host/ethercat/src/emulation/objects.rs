@@ -83,6 +83,10 @@ impl Objects {
         }
     }
 
+    pub(super) fn extend(&mut self, entries: Vec<Entry>) {
+        self.0.extend(entries);
+    }
+
     pub(super) fn remove(&mut self, index: u16) {
         self.0.retain(|entry| entry.index != index);
     }

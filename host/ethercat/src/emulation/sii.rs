@@ -1,4 +1,4 @@
-//! Contents of the SII EEPROM of a drive; ETG1000.6 and ETG2010.
+//! Contents of the SII EEPROM of a device; ETG1000.6 and ETG2010.
 
 /// Layout of mailboxes and process data, as the EEPROM offers it and the state machine demands it.
 pub(super) const MAILBOX_OUT: (u16, u16) = (0x1000, 128);
@@ -21,8 +21,36 @@ pub struct Identity {
     pub serial: u32,
 }
 
-/// Returns the EEPROM of a drive.
-pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: bool) -> Vec<u8> {
+/// Mailbox protocol CoE, as bits of the EEPROM.
+pub const COE: u16 = 0x0004;
+/// Mailbox protocol SoE, as bits of the EEPROM.
+pub const SOE: u16 = 0x0010;
+
+/// Contents of an EEPROM.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sii {
+    /// Vendor, product, revision and serial number.
+    pub identity: Identity,
+    /// Alias.
+    pub alias: u16,
+    /// Name.
+    pub name: &'static str,
+    /// Bits of the mailbox protocols; 0 without a mailbox.
+    pub protocols: u16,
+    /// The device has outputs and inputs.
+    pub has_process_data: bool,
+    /// Sync manager 2 triggers the watchdog.
+    pub has_watchdog: bool,
+}
+
+/// Returns the EEPROM with these contents.
+pub(super) fn eeprom(sii: &Sii) -> Vec<u8> {
+    let Sii {
+        identity,
+        alias,
+        name,
+        ..
+    } = *sii;
     let mut words = [0_u16; 0x40];
     put(&mut words, 0x00, &[0x0080, 0x0E00, 0, 0, alias]);
     for (at, value) in [
@@ -33,18 +61,16 @@ pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: 
     ] {
         put(&mut words, at, &[value as u16, (value >> 16) as u16]);
     }
-    // Standard mailboxes, and CoE as the only protocol.
-    put(
-        &mut words,
-        0x18,
-        &[
-            MAILBOX_OUT.0,
-            MAILBOX_OUT.1,
-            MAILBOX_IN.0,
-            MAILBOX_IN.1,
-            0x0004,
-        ],
-    );
+    // Standard mailboxes.
+    let has_mailbox = sii.protocols != 0;
+    if has_mailbox {
+        let (out, back) = (MAILBOX_OUT, MAILBOX_IN);
+        put(
+            &mut words,
+            0x18,
+            &[out.0, out.1, back.0, back.1, sii.protocols],
+        );
+    }
     // 2 KiB less one kilobit; version.
     put(&mut words, 0x3E, &[0x000F, 1]);
     let mut bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
@@ -57,11 +83,23 @@ pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: 
     category(&mut bytes, 10, &strings);
     let mut general = [0_u8; 32];
     // Strings of group, image, order and name; SDO, PDO assignment and PDO configuration.
-    general[..6].copy_from_slice(&[1, 0, 1, 1, 0, 0x0D]);
+    let of_coe = if sii.protocols & COE == 0 { 0 } else { 0x0D };
+    general[..6].copy_from_slice(&[1, 0, 1, 1, 0, of_coe]);
     category(&mut bytes, 30, &general);
-    // Outputs, inputs, state of the mailbox, and none.
-    category(&mut bytes, 40, &[1, 2, 3, 0]);
-    let outputs_control = if has_watchdog {
+    if sii.has_process_data {
+        // Outputs, inputs, state of the mailbox, and none.
+        category(&mut bytes, 40, &[1, 2, 3, 0]);
+    }
+    if has_mailbox {
+        category(&mut bytes, 41, &sync_managers(sii));
+    }
+    bytes.extend([0xFF; 4]);
+    bytes
+}
+
+/// Category of the sync managers.
+fn sync_managers(sii: &Sii) -> Vec<u8> {
+    let outputs_control = if sii.has_watchdog {
         CONTROL[2]
     } else {
         CONTROL[2] & !0x40
@@ -73,14 +111,13 @@ pub(super) fn eeprom(identity: &Identity, alias: u16, name: &str, has_watchdog: 
         (INPUTS, 0, CONTROL[3], 4),
     ];
     let mut managers = Vec::new();
-    for (start, length, control, usage) in sync_managers {
+    let used = if sii.has_process_data { 4 } else { 2 };
+    for (start, length, control, usage) in sync_managers.into_iter().take(used) {
         managers.extend(start.to_le_bytes());
         managers.extend(length.to_le_bytes());
         managers.extend([control, 0, 1, usage]);
     }
-    category(&mut bytes, 41, &managers);
-    bytes.extend([0xFF; 4]);
-    bytes
+    managers
 }
 
 /// Writes words from a place on.
@@ -130,7 +167,15 @@ mod tests {
             revision: 3,
             serial: 4,
         };
-        let bytes = eeprom(&identity, 0x1234, "drive", true);
+        let sii = Sii {
+            identity,
+            alias: 0x1234,
+            name: "drive",
+            protocols: COE,
+            has_process_data: true,
+            has_watchdog: true,
+        };
+        let bytes = eeprom(&sii);
         let words: Vec<u16> = bytes
             .chunks_exact(2)
             .map(|word| u16::from_le_bytes([word[0], word[1]]))

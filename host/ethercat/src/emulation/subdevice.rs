@@ -1,52 +1,43 @@
-//! One SubDevice: its controller's registers, its state machine, its mailbox, and the drive behind
+//! One SubDevice: its controller's registers, its state machine, its mailbox, and the device behind
 //! them.
 
+mod registers;
+mod states;
+mod sync0;
+
+use super::device::Device;
+use super::distributed_clock::{ClockSetup, DistributedClock};
 use super::drive::{Drive, DriveSetup};
 use super::mailbox;
-use super::mapping;
-use super::memory::{Memory, RAM, register};
+use super::memory::{Memory, register};
 use super::sii;
-use super::sync_manager::{FMMUS, Fmmu, SYNC_MANAGERS, SyncManager};
+use super::sync_manager::{FMMUS, SYNC_MANAGERS, SyncManager};
+use states::{al, code};
+use sync0::Sync0Interval;
+pub use sync0::{ClockHandle, Sync0Intervals};
 
-/// Time from a request of a state to its grant or refusal, µs.
-const TRANSITION_US: u64 = 300;
 /// Time of a read of the EEPROM, µs.
 const EEPROM_US: u64 = 40;
 /// Time from a request in the mailbox to its answer, µs.
 const MAILBOX_US: u64 = 120;
 
-/// States of the application layer.
-mod al {
-    pub(super) const INIT: u8 = 1;
-    pub(super) const PRE_OP: u8 = 2;
-    pub(super) const BOOT: u8 = 3;
-    pub(super) const SAFE_OP: u8 = 4;
-    pub(super) const OP: u8 = 8;
-    pub(super) const ERROR: u8 = 0x10;
-}
-
-/// AL status codes; ETG1000.6 table 11.
-mod code {
-    pub(super) const INVALID_CHANGE: u16 = 0x0011;
-    pub(super) const UNKNOWN_STATE: u16 = 0x0012;
-    pub(super) const NO_BOOT: u16 = 0x0013;
-    pub(super) const MAILBOX: u16 = 0x0016;
-    pub(super) const NO_OUTPUTS: u16 = 0x0019;
-    pub(super) const WATCHDOG: u16 = 0x001B;
-    pub(super) const OUTPUTS: u16 = 0x001D;
-    pub(super) const INPUTS: u16 = 0x001E;
-}
-
-/// A SubDevice with a drive.
+/// A SubDevice: a controller with a device behind it.
 #[derive(Clone, Debug)]
-pub struct SubDevice {
+pub struct SubDevice<D = Drive> {
     memory: Memory,
     eeprom: Vec<u8>,
-    drive: Drive,
-    setup: DriveSetup,
+    device: D,
     /// State that its application refuses, and the code.
     refuses: Option<(u8, u16)>,
+    clock: Option<DistributedClock>,
+    sync0: Sync0Interval,
+    /// Error code of an emergency message that leaves before the next answer.
+    emergency: Option<u16>,
+    /// Requests are taken from the mailbox and never answered.
+    is_mute: bool,
     now_us: u64,
+    /// Time of the wire at which the present frame passes, and of its way back.
+    passing_ns: (u64, u64),
     state: u8,
     error: bool,
     /// Requested state, and when it is decided.
@@ -58,23 +49,50 @@ pub struct SubDevice {
     mailbox_counter: u8,
     /// Time of the last outputs.
     outputs_us: Option<u64>,
+    /// Highest state since power-on.
+    highest_state: u8,
 }
 
 impl SubDevice {
-    pub(super) fn new(setup: &DriveSetup) -> Self {
-        let drive = Drive::new(setup);
-        let eeprom = sii::eeprom(
-            &setup.identity,
-            setup.alias,
-            drive.name(),
-            setup.has_watchdog,
-        );
+    /// Creates a drive that has just been powered.
+    #[must_use]
+    pub fn new(setup: &DriveSetup) -> Self {
+        Self::of(Drive::new(setup))
+    }
+
+    /// Returns the drive.
+    #[must_use]
+    pub const fn drive(&self) -> &Drive {
+        &self.device
+    }
+
+    /// Returns the drive, to be handled at its panel or by the process.
+    pub const fn drive_mut(&mut self) -> &mut Drive {
+        &mut self.device
+    }
+
+    /// Says whether writes to the watchdog's time are taken, and whether the outputs trigger it.
+    pub fn set_watchdog(&mut self, is_writable: bool, has_watchdog: bool) {
+        self.device.set_watchdog(is_writable, has_watchdog);
+        self.eeprom = sii::eeprom(&self.device.sii());
+    }
+}
+
+impl<D: Device> SubDevice<D> {
+    /// Creates a SubDevice that has just been powered.
+    #[must_use]
+    pub fn of(device: D) -> Self {
+        let sii = device.sii();
         let mut this = Self {
             memory: Memory::new(),
-            eeprom,
-            drive,
-            setup: setup.clone(),
+            eeprom: sii::eeprom(&sii),
+            device,
             refuses: None,
+            clock: None,
+            sync0: Sync0Interval::default(),
+            passing_ns: (0, 0),
+            emergency: None,
+            is_mute: false,
             now_us: 0,
             state: al::INIT,
             error: false,
@@ -83,37 +101,58 @@ impl SubDevice {
             mailbox_due_us: None,
             mailbox_counter: 0,
             outputs_us: None,
+            highest_state: al::INIT,
         };
-        // Type, revision, build; FMMUs, sync managers, 8 KiB of RAM, two ports of MII; no
-        // distributed clocks.
-        this.memory.set(
-            0x0000,
-            &[0x11, 0, 1, 0, FMMUS, SYNC_MANAGERS, 8, 0x0F, 0, 0],
-        );
-        this.memory.set_u16(register::STATION_ALIAS, setup.alias);
-        // 100 µs by 2500 times 40 ns, and EtherCAT's 100 ms.
-        this.memory.set_u16(register::WATCHDOG_DIVIDER, 2_498);
-        this.memory.set_u16(register::WATCHDOG_PROCESS_DATA, 1_000);
-        this.memory.set_u16(register::WATCHDOG_STATUS, 1);
-        this.publish_state(0);
+        this.power_on(sii.alias);
         this
     }
 
-    /// Returns the drive.
+    /// Gives the controller a distributed clock of 64 bits.
     #[must_use]
-    pub const fn drive(&self) -> &Drive {
-        &self.drive
+    pub fn with_clock(mut self, setup: ClockSetup) -> Self {
+        self.clock = Some(DistributedClock::new(setup, 0));
+        self.power_on(self.device.sii().alias);
+        self
     }
 
-    /// Returns the drive, to be handled at its panel or by the process.
-    pub const fn drive_mut(&mut self) -> &mut Drive {
-        &mut self.drive
+    /// Sets the registers to what a controller has at power-on.
+    fn power_on(&mut self, alias: u16) {
+        let features = if self.clock.is_some() { 0x0C } else { 0 };
+        // Type, revision, build; FMMUs, sync managers, 8 KiB of RAM, two ports of MII; features.
+        self.memory.set(
+            0x0000,
+            &[0x11, 0, 1, 0, FMMUS, SYNC_MANAGERS, 8, 0x0F, features, 0],
+        );
+        self.memory.set_u16(register::STATION_ALIAS, alias);
+        // 100 µs by 2500 times 40 ns, and EtherCAT's 100 ms.
+        self.memory.set_u16(register::WATCHDOG_DIVIDER, 2_498);
+        self.memory.set_u16(register::WATCHDOG_PROCESS_DATA, 1_000);
+        self.memory.set_u16(register::WATCHDOG_STATUS, 1);
+        self.publish_state(0);
+    }
+
+    /// Returns the device behind the controller.
+    #[must_use]
+    pub const fn device(&self) -> &D {
+        &self.device
+    }
+
+    /// Returns the device behind the controller, to be handled.
+    pub const fn device_mut(&mut self) -> &mut D {
+        &mut self.device
     }
 
     /// True in OP, without an error.
     #[must_use]
     pub const fn is_operational(&self) -> bool {
         self.state == al::OP && !self.error
+    }
+
+    /// Returns the highest state of the application layer since power-on: 1 INIT, 2 PRE-OP, 4
+    /// SAFE-OP, 8 OP.
+    #[must_use]
+    pub const fn highest_state(&self) -> u8 {
+        self.highest_state
     }
 
     /// Leaves its state by itself, with a code of its application: the next best state that needs
@@ -129,33 +168,59 @@ impl SubDevice {
         self.refuses = Some((state, code));
     }
 
-    /// Says whether writes to the watchdog's time are taken, and whether the outputs trigger it.
-    pub fn set_watchdog(&mut self, is_writable: bool, has_watchdog: bool) {
-        (self.setup.watchdog_is_writable, self.setup.has_watchdog) = (is_writable, has_watchdog);
-        self.eeprom = sii::eeprom(
-            &self.setup.identity,
-            self.setup.alias,
-            self.drive.name(),
-            has_watchdog,
-        );
+    /// Sends an emergency message before the next answer of the mailbox.
+    pub const fn send_emergency(&mut self, code: u16) {
+        self.emergency = Some(code);
     }
 
-    /// Takes the power away and gives it again: the motor stays where it is, and everything that
-    /// was configured is lost.
+    /// Says whether requests in the mailbox stay without an answer.
+    pub const fn mute(&mut self, is_mute: bool) {
+        self.is_mute = is_mute;
+    }
+
+    /// Takes the power away and gives it again: the machine behind the device stays as it is, and
+    /// everything that was configured is lost.
     pub fn power_cycle(&mut self) {
-        let position = self
-            .drive
-            .motor()
-            .position
-            .clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         let has_next = self.memory.u16(register::DL_STATUS) & 0x0020 != 0;
-        let mut again = Self::new(&DriveSetup {
-            position,
-            ..self.setup.clone()
-        });
-        again.now_us = self.now_us;
-        again.set_ports(has_next);
-        *self = again;
+        self.device.power_cycle();
+        let sii = self.device.sii();
+        self.memory = Memory::new();
+        self.eeprom = sii::eeprom(&sii);
+        (self.refuses, self.emergency, self.is_mute) = (None, None, false);
+        (self.state, self.error, self.highest_state) = (al::INIT, false, al::INIT);
+        (self.request, self.eeprom_read) = (None, None);
+        (self.mailbox_due_us, self.mailbox_counter) = (None, 0);
+        self.outputs_us = None;
+        self.sync0 = Sync0Interval::default();
+        let now_ns = self.now_us * 1_000;
+        self.clock = self
+            .clock
+            .as_ref()
+            .map(|clock| DistributedClock::new(clock.setup(), now_ns));
+        self.power_on(sii.alias);
+        self.set_ports(has_next);
+    }
+
+    /// Returns the distributed clock, to be disturbed; `None` without one.
+    pub fn clock_mut(&mut self) -> Option<ClockHandle<'_>> {
+        let now_ns = self.now_us * 1_000;
+        let memory = &self.memory;
+        let clock = self.clock.as_mut()?;
+        Some(ClockHandle {
+            clock,
+            memory,
+            now_ns,
+        })
+    }
+
+    /// Returns the intervals of SYNC0 in OP since the last call.
+    pub const fn take_sync0_intervals(&mut self) -> Sync0Intervals {
+        self.sync0.take()
+    }
+
+    /// Tells the time of the wire at which the coming datagram passes, and that of its way back.
+    pub(super) const fn set_passing(&mut self, here_ns: u64, back_ns: u64) {
+        self.passing_ns = (here_ns, back_ns);
     }
 
     /// Tells which of the ports have a neighbour.
@@ -170,9 +235,11 @@ impl SubDevice {
         self.memory.set_u16(register::DL_STATUS, status | 1);
     }
 
-    /// Runs what is due by `now_us`: transitions, EEPROM, mailbox, watchdog.
-    pub(super) fn advance_to(&mut self, now_us: u64) {
+    /// Runs what is due by `now_ns`: pulses of SYNC0, transitions, EEPROM, mailbox, watchdog.
+    pub(super) fn advance_to(&mut self, now_ns: u64) {
+        let now_us = now_ns / 1_000;
         self.now_us = self.now_us.max(now_us);
+        self.run_sync0(now_ns);
         if let Some((state, _)) = self.request.take_if(|(_, due)| *due <= now_us) {
             self.decide(state);
         }
@@ -213,83 +280,6 @@ impl SubDevice {
         u64::from(self.memory.u16(register::WATCHDOG_PROCESS_DATA)) * tick_ns / 1_000
     }
 
-    fn publish_state(&mut self, code: u16) {
-        let status = self.state | if self.error { al::ERROR } else { 0 };
-        self.memory.set_u16(register::AL_STATUS, status.into());
-        self.memory.set_u16(register::AL_STATUS_CODE, code);
-        self.drive.set_operational(self.is_operational());
-    }
-
-    fn leave_op(&mut self, state: u8, code: u16) {
-        (self.state, self.error) = (state, true);
-        self.outputs_us = None;
-        self.publish_state(code);
-    }
-
-    /// Grants or refuses a requested state.
-    fn decide(&mut self, requested: u8) {
-        let refusal = self.refusal(requested);
-        match refusal {
-            None => {
-                if requested < self.state || requested == al::INIT {
-                    self.outputs_us = None;
-                }
-                if requested == al::INIT {
-                    self.mailbox_counter = 0;
-                    self.mailbox_due_us = None;
-                }
-                (self.state, self.error) = (requested, false);
-                self.publish_state(0);
-            }
-            Some(code) => {
-                self.error = true;
-                self.publish_state(code);
-            }
-        }
-    }
-
-    /// True if a SyncManager has this start, length and control, the watchdog's bit aside.
-    fn is_configured(&self, index: u8, start: u16, length: u16, control: u8) -> bool {
-        let sm = SyncManager::read(&self.memory, index);
-        sm.enabled == (length > 0)
-            && (sm.start, sm.length, sm.control | 0x40) == (start, length, control | 0x40)
-    }
-
-    /// Returns the code by which a state is refused.
-    fn refusal(&self, requested: u8) -> Option<u16> {
-        let (out, back) = (sii::MAILBOX_OUT, sii::MAILBOX_IN);
-        if let Some((_, code)) = self.refuses.filter(|(state, _)| *state == requested) {
-            return Some(code);
-        }
-        match (self.state, requested) {
-            (_, al::INIT) => None,
-            (_, al::BOOT) => Some(code::NO_BOOT),
-            (al::INIT, al::PRE_OP) => {
-                let has_mailboxes = self.is_configured(0, out.0, out.1, sii::CONTROL[0])
-                    && self.is_configured(1, back.0, back.1, sii::CONTROL[1]);
-                (!has_mailboxes).then_some(code::MAILBOX)
-            }
-            (al::PRE_OP, al::SAFE_OP) => {
-                let [outputs, inputs] =
-                    [&self.drive.outputs, &self.drive.inputs].map(|pdo| pdo.length() as u16);
-                if outputs == 0 || !self.is_configured(2, sii::OUTPUTS, outputs, sii::CONTROL[2]) {
-                    Some(code::OUTPUTS)
-                } else if inputs == 0
-                    || !self.is_configured(3, sii::INPUTS, inputs, sii::CONTROL[3])
-                {
-                    Some(code::INPUTS)
-                } else {
-                    None
-                }
-            }
-            (al::SAFE_OP, al::OP) => self.outputs_us.is_none().then_some(code::NO_OUTPUTS),
-            (state, requested) if state == requested => None,
-            (al::SAFE_OP | al::OP, al::PRE_OP) | (al::OP, al::SAFE_OP) => None,
-            (_, al::PRE_OP | al::SAFE_OP | al::OP) => Some(code::INVALID_CHANGE),
-            _ => Some(code::UNKNOWN_STATE),
-        }
-    }
-
     fn answer_mailbox(&mut self) {
         let request = SyncManager::read(&self.memory, 0);
         let answer = SyncManager::read(&self.memory, 1);
@@ -303,161 +293,20 @@ impl SubDevice {
             .bytes(request.start, request.length.into())
             .unwrap_or(&[])
             .to_vec();
+        if let Some(code) = self.emergency.take() {
+            self.memory.set(answer.start, &mailbox::emergency(code));
+            answer.set_full(&mut self.memory, true);
+            self.mailbox_due_us = Some(self.now_us + MAILBOX_US);
+            return;
+        }
         request.set_full(&mut self.memory, false);
         let is_pre_op = self.state == al::PRE_OP;
-        if let Some(reply) = mailbox::answer(
-            &mut self.drive,
-            &bytes,
-            &mut self.mailbox_counter,
-            is_pre_op,
-        ) {
+        let reply = self
+            .device
+            .answer(&bytes, &mut self.mailbox_counter, is_pre_op);
+        if let Some(reply) = reply.filter(|_| !self.is_mute) {
             self.memory.set(answer.start, &reply);
             answer.set_full(&mut self.memory, true);
         }
-    }
-
-    /// True if a datagram with a configured address is for this SubDevice.
-    pub(super) fn answers_to(&self, address: u16) -> bool {
-        let uses_alias = self.memory.u8(register::DL_CONTROL_ALIAS) & 1 != 0;
-        address == self.memory.u16(register::STATION_ADDRESS)
-            || uses_alias && address == self.memory.u16(register::STATION_ALIAS)
-    }
-
-    /// Reads as a MainDevice. False if the access is refused.
-    pub(super) fn read(&mut self, address: u16, data: &mut [u8]) -> bool {
-        if (sii::INPUTS..sii::INPUTS + 0x100).contains(&address) {
-            self.publish_inputs();
-        }
-        let owner = if address < RAM {
-            None
-        } else {
-            SyncManager::owner_of(&self.memory, address, data.len())
-        };
-        if let Some(sm) = owner {
-            let is_whole = address == sm.start && data.len() == usize::from(sm.length);
-            if sm.is_written() || !is_whole || sm.is_mailbox() && !sm.is_full(&self.memory) {
-                return false;
-            }
-        }
-        let Some(bytes) = self.memory.bytes(address, data.len()) else {
-            return false;
-        };
-        data.copy_from_slice(bytes);
-        if let Some(sm) = owner.filter(SyncManager::is_mailbox) {
-            sm.set_full(&mut self.memory, false);
-        }
-        true
-    }
-
-    fn publish_inputs(&mut self) {
-        let mut packed = mapping::room();
-        let status = self.drive.status();
-        self.drive.objects.set(0x6041, 0, status.into());
-        let length = self.drive.inputs.pack(&self.drive.objects, &mut packed);
-        self.memory
-            .set(sii::INPUTS, packed.get(..length).unwrap_or(&[]));
-    }
-
-    /// Writes as a MainDevice. False if the access is refused.
-    pub(super) fn write(&mut self, address: u16, data: &[u8]) -> bool {
-        if address < RAM {
-            return self.write_registers(address, data);
-        }
-        let Some(sm) = SyncManager::owner_of(&self.memory, address, data.len()) else {
-            return self.memory.set(address, data);
-        };
-        let is_whole = address == sm.start && data.len() == usize::from(sm.length);
-        if !sm.is_written() || !is_whole || sm.is_mailbox() && sm.is_full(&self.memory) {
-            return false;
-        }
-        self.memory.set(address, data);
-        if sm.is_mailbox() {
-            sm.set_full(&mut self.memory, true);
-            // In INIT it is not read.
-            self.mailbox_due_us = (self.state != al::INIT).then_some(self.now_us + MAILBOX_US);
-        } else if self.state >= al::SAFE_OP {
-            self.outputs_us = Some(self.now_us);
-            self.memory.set_u16(register::WATCHDOG_STATUS, 1);
-            self.drive.take_outputs(data);
-        }
-        true
-    }
-
-    fn write_registers(&mut self, address: u16, data: &[u8]) -> bool {
-        let watchdog = register::WATCHDOG_DIVIDER..register::WATCHDOG_STATUS;
-        let is_watchdog = watchdog.contains(&address);
-        let status = self.memory.clone_statuses();
-        if is_watchdog && !self.setup.watchdog_is_writable {
-            // The value stays, as in controllers whose application owns it.
-            return true;
-        }
-        if !self.memory.write(address, data) {
-            return false;
-        }
-        self.memory.restore_statuses(status);
-        let written = u32::from(address)..u32::from(address) + data.len() as u32;
-        if written.contains(&register::AL_CONTROL.into()) {
-            self.request_state(self.memory.u8(register::AL_CONTROL));
-        }
-        if written.contains(&register::SII_CONTROL.into()) {
-            self.command_eeprom();
-        }
-        true
-    }
-
-    /// Takes a request of a state. With an error standing, only one that acknowledges it, or goes
-    /// down, is heard.
-    fn request_state(&mut self, control: u8) {
-        let (requested, acknowledges) = (control & 0x0F, control & al::ERROR != 0);
-        if self.error && !acknowledges && requested >= self.state {
-            return;
-        }
-        if acknowledges && self.error {
-            self.error = false;
-            self.publish_state(0);
-        }
-        self.request = Some((requested, self.now_us + TRANSITION_US));
-    }
-
-    fn command_eeprom(&mut self) {
-        let control = self.memory.u16(register::SII_CONTROL);
-        let belongs_to_application = self.memory.u8(register::SII_OWNER) & 1 != 0;
-        match control & 0x0700 {
-            // Clears errors.
-            0 => self.memory.set_u16(register::SII_CONTROL, 0),
-            0x0100 if !belongs_to_application => {
-                let address = self.memory.u32(register::SII_ADDRESS);
-                self.eeprom_read = Some((address, self.now_us + EEPROM_US));
-                self.memory.set_u16(register::SII_CONTROL, 0x8000);
-            }
-            // Writing and reloading are not offered: command error.
-            _ => self.memory.set_u16(register::SII_CONTROL, 0x2000),
-        }
-    }
-
-    /// Reads and writes by logical address. Returns what its working counter grows by: 1 for a
-    /// read, `write_counts` for a write.
-    pub(super) fn logical(
-        &mut self,
-        address: u32,
-        data: &mut [u8],
-        reads: bool,
-        write_counts: u16,
-    ) -> u16 {
-        let (mut was_read, mut was_written) = (false, false);
-        for index in 0..FMMUS {
-            let Some(fmmu) = Fmmu::read(&self.memory, index) else {
-                continue;
-            };
-            let Some((range, physical)) = fmmu.within(address, data.len()) else {
-                continue;
-            };
-            let Some(part) = data.get_mut(range) else {
-                continue;
-            };
-            was_written |= fmmu.writes && write_counts > 0 && self.write(physical, part);
-            was_read |= fmmu.reads && reads && self.read(physical, part);
-        }
-        u16::from(was_read) + if was_written { write_counts } else { 0 }
     }
 }

@@ -33,7 +33,10 @@ pub struct Bench<P> {
     pub chain: Chain<P>,
     /// Faults.
     pub faults: Faults,
-    cycle_us: u64,
+    /// Frames to come that come back without the time of the reference.
+    pub lost_times: u32,
+    /// Time at which the cycle began that began last.
+    cycle_ns: u64,
     answers: [(u64, usize, [u8; MAX_FRAME]); FRAMES],
 }
 
@@ -53,7 +56,8 @@ impl<P: Process> EmulatedWire<P> {
         let bench = Bench {
             chain,
             faults: Faults::default(),
-            cycle_us: 0,
+            lost_times: 0,
+            cycle_ns: 0,
             answers: [(0, 0, [0; MAX_FRAME]); FRAMES],
         };
         Self(Arc::new(Mutex::new(bench)))
@@ -67,9 +71,9 @@ impl<P: Process> EmulatedWire<P> {
     /// Lets time pass without a MainDevice, µs.
     pub fn idle(&self, us: u64) {
         let mut bench = self.bench();
-        let until = bench.chain.now_us() + us;
-        bench.chain.advance_to(until);
-        bench.cycle_us = bench.cycle_us.max(until);
+        let until = bench.chain.now_ns() + us * 1_000;
+        bench.chain.advance_to_ns(until);
+        bench.cycle_ns = bench.cycle_ns.max(until);
     }
 }
 
@@ -94,6 +98,14 @@ impl<P: Process> Bench<P> {
             return;
         }
         lower_counter(passed, self.faults.counter_less);
+        // The first datagram of a frame with a time is FRMW.
+        let has_time = passed.get(16) == Some(&14);
+        if let (true, Some(time)) = (
+            has_time && Self::strikes(&mut self.lost_times),
+            passed.get_mut(26..34),
+        ) {
+            time.fill(0);
+        }
         let delay_us = if Self::strikes(&mut self.faults.delayed) {
             self.faults.delay_us
         } else {
@@ -138,6 +150,10 @@ impl<P: Process> Wire for EmulatedWire<P> {
         self.bench().chain.now_us()
     }
 
+    fn now_ns(&self) -> u64 {
+        self.bench().chain.now_ns()
+    }
+
     fn send(&mut self, frame: &[u8]) -> Result<(), WireError> {
         self.bench().send(frame);
         Ok(())
@@ -153,12 +169,20 @@ impl<P: Process> Wire for EmulatedWire<P> {
 
     fn begin_cycles(&mut self, cycles: u64, cycle_us: u64) {
         let mut bench = self.bench();
-        bench.cycle_us = bench
-            .cycle_us
-            .saturating_add(cycles.saturating_mul(cycle_us));
-        let until = bench.cycle_us;
+        let passed_ns = cycles.saturating_mul(cycle_us).saturating_mul(1_000);
+        bench.cycle_ns = bench.cycle_ns.saturating_add(passed_ns);
+        let until = bench.cycle_ns;
         // Bring-up takes time of its own; cycles are counted on from there.
-        bench.cycle_us = until.max(bench.chain.now_us());
-        bench.chain.advance_to(until);
+        bench.cycle_ns = until.max(bench.chain.now_ns());
+        bench.chain.advance_to_ns(until);
+    }
+
+    fn makes_cycles(&self) -> bool {
+        true
+    }
+
+    fn shift_cycles(&mut self, ns: i64) {
+        let mut bench = self.bench();
+        bench.cycle_ns = bench.cycle_ns.saturating_add_signed(ns);
     }
 }

@@ -10,7 +10,9 @@
 )]
 
 mod bench;
+mod clocks;
 mod faults;
 mod operation;
 mod refused;
+mod scan;
 mod strict;

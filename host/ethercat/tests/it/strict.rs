@@ -37,6 +37,12 @@ fn ask(wire: &Wire, command: u8, address: u16, offset: u16, data: &[u8]) -> (Vec
     )
 }
 
+/// Reads a byte of all devices; returns it with the working counter.
+pub(crate) fn broadcast_read(wire: &Wire, offset: u16) -> (u8, u16) {
+    let (data, counter) = ask(wire, 7, 0, offset, &[0]);
+    (data[0], counter)
+}
+
 fn word(wire: &Wire, offset: u16) -> u16 {
     let (data, counter) = ask(wire, FPRD, 0x1001, offset, &[0; 2]);
     assert_eq!(counter, 1);
@@ -299,4 +305,50 @@ fn the_eeprom_belongs_to_one_of_two() {
         (true, 0, vec![1, 0, 0, 0]),
         "the product"
     );
+}
+
+/// Registers of the distributed clock: of devices that have one.
+#[test]
+fn a_clock_has_its_registers_and_starts_no_pulse_that_is_past() {
+    use gantry_tau_ethercat::emulation::{
+        Chain, ClockSetup, EmulatedWire, Kinematic, Node, SubDevice,
+    };
+    let clock = ClockSetup {
+        drift_ppb: 0,
+        offset_ns: 5_000,
+    };
+    let nodes = vec![
+        Node::Drive(SubDevice::new(&crate::bench::setup(0)).with_clock(clock)),
+        Node::Drive(SubDevice::new(&crate::bench::setup(1))),
+    ];
+    let wire = EmulatedWire::new(Chain::of(nodes, Kinematic));
+    assert_eq!(ask(&wire, BWR, 0, 0x0900, &[0; 4]).1, 1, "one has a clock");
+    assert_eq!(ask(&wire, APWR, 0, 0x0010, &[0x01, 0x10]).1, 1);
+    assert_eq!(ask(&wire, APWR, 0xFFFF, 0x0010, &[0x02, 0x10]).1, 1);
+    let (ports, counter) = ask(&wire, FPRD, 0x1001, 0x0900, &[0; 8]);
+    assert_eq!(counter, 1);
+    let [here, back] = [0, 4].map(|at| u32::from_le_bytes(ports[at..at + 4].try_into().unwrap()));
+    assert_eq!(back - here, 620, "to the next one and back");
+    assert_eq!(
+        ask(&wire, FPRD, 0x1002, 0x0910, &[0; 8]).1,
+        0,
+        "without a clock"
+    );
+    assert_eq!(ask(&wire, FPWR, 0x1001, 0x0982, &[1, 0]).1, 0, "read only");
+    let time = || {
+        let (bytes, _) = ask(&wire, FPRD, 0x1001, 0x0910, &[0; 8]);
+        u64::from_le_bytes(bytes.try_into().unwrap())
+    };
+    let first = time();
+    wire.idle(1_000);
+    assert_eq!(time() - first, 1_010_000, "the frame takes 10 us");
+    ask(&wire, FPWR, 0x1001, 0x0920, &1_000_000_u64.to_le_bytes());
+    assert_eq!(time() - first, 1_000_000 + 1_030_000, "with its offset");
+    ask(&wire, FPWR, 0x1001, 0x09A0, &1_000_000_u32.to_le_bytes());
+    for (start, is_pending) in [(time() - 1, 0), (time() + 1_000_000_000, 1)] {
+        ask(&wire, FPWR, 0x1001, 0x0981, &[0]);
+        ask(&wire, FPWR, 0x1001, 0x0990, &start.to_le_bytes());
+        ask(&wire, FPWR, 0x1001, 0x0981, &[3]);
+        assert_eq!(ask(&wire, FPRD, 0x1001, 0x0984, &[0]).0, [is_pending]);
+    }
 }

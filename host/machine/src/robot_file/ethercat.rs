@@ -19,8 +19,29 @@ pub struct Ethercat {
     pub cycle_us: u32,
     /// Cycles without new references after which a drive stops by itself, 1 to 10.
     pub watchdog_cycles: u32,
+    /// Clocks that the drives run by.
+    #[serde(default)]
+    pub clocks: Clocks,
+    /// Period of SYNC0, us; the cycle without it.
+    pub sync0_us: Option<f64>,
+    /// Time from the passage of a frame at the reference clock to SYNC0, us.
+    #[serde(default = "half_a_cycle")]
+    pub frame_to_sync0_us: u32,
     /// Drive of each motor, in the order of `motors.axis_of_motor`.
     pub drives: Vec<EthercatDrive>,
+}
+
+/// Clocks that drives run by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clocks {
+    /// Each one by its own, and by the arrival of frames.
+    #[default]
+    Free,
+    /// By SYNC0 of the distributed clocks.
+    Sync0,
+    /// By SYNC0 and SYNC1.
+    Sync0Sync1,
 }
 
 /// `[[ethercat.drives]]`.
@@ -55,6 +76,13 @@ const fn one() -> f64 {
     1.0
 }
 
+const fn half_a_cycle() -> u32 {
+    CYCLE_US / 2
+}
+
+/// Unit of SYNC0's period, us.
+const PERIOD_UNIT_US: f64 = 62.5;
+
 impl Ethercat {
     /// Drives of an emulated bus: aliases from 1001, 2^20 counts per 10 mm.
     #[must_use]
@@ -77,8 +105,19 @@ impl Ethercat {
         Self {
             cycle_us: CYCLE_US,
             watchdog_cycles: 5,
+            clocks: Clocks::Free,
+            sync0_us: None,
+            frame_to_sync0_us: half_a_cycle(),
             drives: drives.collect(),
         }
+    }
+
+    /// Returns the period of SYNC0, ns.
+    #[must_use]
+    pub fn sync0_ns(&self) -> u32 {
+        let us = self.sync0_us.unwrap_or_else(|| self.cycle_us.into());
+        // Whole: a multiple of 62.5 us, which was checked.
+        (us * 1_000.0).round() as u32
     }
 }
 
@@ -115,6 +154,7 @@ pub(super) fn check<const N: usize>(
         );
         problems.add("ethercat.watchdog_cycles", reason);
     }
+    check_clocks(section, problems);
     let (drives, count) = (section.drives.len(), motors.axis_of_motor.len());
     if drives != count {
         let reason = format!("lists {drives} drives, [motors] has {count} motors");
@@ -129,6 +169,28 @@ pub(super) fn check<const N: usize>(
         if let (Some(metres), Some(limits)) = (metres_per_q.get(*axis), limits) {
             check_scale(motor, drive, *metres, limits, problems);
         }
+    }
+}
+
+/// Checks the keys of the distributed clocks.
+fn check_clocks(section: &Ethercat, problems: &mut Problems) {
+    let cycle_us = f64::from(section.cycle_us);
+    if let Some(us) = section.sync0_us {
+        let fits = |unit: f64, whole: f64| (whole / unit).fract() == 0.0;
+        if !(us >= PERIOD_UNIT_US && fits(PERIOD_UNIT_US, us) && fits(us, cycle_us)) {
+            let reason = format!(
+                "is {us}; expected a multiple of {PERIOD_UNIT_US} that divides the cycle of {cycle_us} us"
+            );
+            problems.add("ethercat.sync0_us", reason);
+        }
+    }
+    let (least, most) = (section.cycle_us / 5, section.cycle_us / 5 * 4);
+    if !(least..=most).contains(&section.frame_to_sync0_us) {
+        let reason = format!(
+            "is {}; expected from {least} to {most}",
+            section.frame_to_sync0_us
+        );
+        problems.add("ethercat.frame_to_sync0_us", reason);
     }
 }
 

@@ -154,6 +154,18 @@ impl<const N: usize, const M: usize, P: Plant<N, M>> Cycle<N, M, P> {
         self.plant.start().map_err(ServerError::of_plant)
     }
 
+    /// Returns the time at which the machine wants the first cycle to begin, ns; see
+    /// [`Plant::first_deadline_ns`].
+    pub fn first_deadline_ns(&mut self) -> Option<u64> {
+        self.plant.first_deadline_ns()
+    }
+
+    /// Returns the time by which the machine wants the next cycle to begin later, ns; see
+    /// [`Plant::deadline_shift_ns`].
+    pub fn deadline_shift_ns(&mut self) -> i64 {
+        self.plant.deadline_shift_ns()
+    }
+
     /// Publishes the samples of the accelerometer.
     #[must_use]
     pub fn with_accelerometer(mut self, accelerometer: AccelerometerPublisher) -> Self {

@@ -58,7 +58,10 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
     controls: &Controls,
     mut rows: rtrb::Producer<TickRecord<N>>,
 ) -> Result<(), ServerError> {
-    let mut timer = CycleTimer::starting_now(PERIOD_NS);
+    let mut timer = match cycle.first_deadline_ns() {
+        Some(deadline_ns) => CycleTimer::starting_at(PERIOD_NS, deadline_ns),
+        None => CycleTimer::starting_now(PERIOD_NS),
+    };
     let mut state_left_ns = now_ns();
     let mut unfinished = 0;
     loop {
@@ -80,6 +83,7 @@ pub(super) fn run<const N: usize, const M: usize, P: Plant<N, M>>(
             rearm: controls.take_rearm(cycle.phase()),
         };
         let row = cycle.step(elapsed, operator);
+        timer.shift(cycle.deadline_shift_ns());
         state_left_ns = now_ns();
         if rows.push(row).is_err() {
             controls.dropped_rows.fetch_add(1, Ordering::Relaxed);

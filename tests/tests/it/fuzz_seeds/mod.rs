@@ -12,6 +12,7 @@ mod loops;
 mod measured;
 mod mistakes;
 mod problems;
+mod samples;
 mod scenarios;
 pub(crate) mod streams;
 mod texts;
@@ -38,6 +39,7 @@ fn seeds_of(target: &str) -> Vec<Seed> {
         "position_loop" => loops::seeds(),
         "session" => scenarios::seeds(),
         "solve" => texts::requests(),
+        "steering" => samples::seeds(),
         _ => Vec::new(),
     }
 }

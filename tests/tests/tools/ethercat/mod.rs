@@ -14,7 +14,9 @@
     reason = "tests fail by panicking"
 )]
 
+mod clocks;
 mod ownership;
+mod scan;
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -54,6 +56,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         });
     let python = python_with("pysoem", "pysoem");
     let soem = network.or_else(|| python.is_none().then_some("pysoem of PyPI missing"));
+    let (of_scan, of_clocks) = (python.clone(), python.clone());
     vec![
         trial(
             "ethercat::the_demo_compensates_over_a_veth_pair",
@@ -74,6 +77,16 @@ pub(crate) fn trials() -> Vec<Trial> {
             "ethercat::soem_takes_the_emulated_chain_to_op",
             soem,
             move || soem_agrees(python.as_deref().unwrap()),
+        ),
+        trial(
+            "ethercat::soem_sets_up_the_clocks_of_the_emulated_chain",
+            soem,
+            move || clocks::soem_agrees(of_clocks.as_deref().unwrap()),
+        ),
+        trial(
+            "ethercat::soem_and_the_scan_list_the_same_devices",
+            soem,
+            move || scan::soem_agrees(of_scan.as_deref().unwrap()),
         ),
     ]
 }
@@ -329,6 +342,25 @@ fn link_is_named() {
     );
 }
 
+/// Runs a script of this folder at the near end of the cable; returns what it saw.
+fn judged(python: &Path, script: &str) -> Value {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/ethercat");
+    let judge = Command::new("timeout")
+        .arg("60")
+        .arg(python)
+        .arg("-B")
+        .arg(folder.join(script))
+        .arg(ENDS[0])
+        .output()
+        .unwrap();
+    assert!(
+        judge.status.success(),
+        "{}",
+        String::from_utf8_lossy(&judge.stderr)
+    );
+    serde_json::from_slice(&judge.stdout).unwrap()
+}
+
 fn soem_agrees(python: &Path) {
     connect();
     let robot = RobotFile::builtin_l2().unwrap();
@@ -336,22 +368,8 @@ fn soem_agrees(python: &Path) {
     let section = Ethercat::emulated(&robot.motors.axis_of_motor, &robot.metres_per_q);
     let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
     let far = FarEnd::start(bus.clone(), Some(10));
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/ethercat/judge.py");
-    let judge = Command::new("timeout")
-        .arg("60")
-        .arg(python)
-        .arg("-B")
-        .arg(script)
-        .arg(ENDS[0])
-        .output()
-        .unwrap();
+    let saw = judged(python, "judge.py");
     drop(far);
-    assert!(
-        judge.status.success(),
-        "{}",
-        String::from_utf8_lossy(&judge.stderr)
-    );
-    let saw: Value = serde_json::from_slice(&judge.stdout).unwrap();
     assert_eq!(saw["found"], 3);
     assert_eq!(saw["names"][1], json!(["emulated drive", 0x0A11, 1, 1]));
     assert_eq!(

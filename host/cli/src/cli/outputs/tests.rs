@@ -19,7 +19,7 @@ const FOLDERS: [(&str, &str); 4] = [
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 32] = [
+const COMMANDS: [(&str, &[&str]); 33] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
@@ -43,6 +43,7 @@ const COMMANDS: [(&str, &[&str]); 32] = [
     ("follow", &["--robot", "IN"]),
     ("replay", &["IN"]),
     ("robot check", &["IN"]),
+    ("bus scan", &["emulated"]),
     ("workspace", &["--robot", "IN"]),
     ("stability", &["--robot", "IN"]),
     ("draw", &["--robot", "IN"]),
