@@ -19,7 +19,7 @@ const FOLDERS: [(&str, &str); 4] = [
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 32] = [
+const COMMANDS: [(&str, &[&str]); 33] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
@@ -48,6 +48,7 @@ const COMMANDS: [(&str, &[&str]); 32] = [
     ("draw", &["--robot", "IN"]),
     ("header", &["--robot", "IN"]),
     ("export", &["--robot", "IN"]),
+    ("fmu", &["--robot", "IN", "--kind", "server"]),
     ("labcomm decode", &["IN"]),
     ("labcomm encode", &["IN"]),
     ("labcomm schema", &["--robot", "IN"]),
@@ -161,13 +162,15 @@ impl<'a> Walk<'a> {
             is_whole: *ty == TypeId::of::<Output>(),
             extension: "",
         };
-        walk.extension = ["toml", "html", "json", "csv", "svg", "mcap", "jsonl", "h"]
-            .into_iter()
-            .find(|extension| {
-                let parsed = walk.parse(&format!("x.{extension}"));
-                parsed.is_ok_and(|parsed| check(&parsed).is_ok())
-            })
-            .unwrap_or_else(|| panic!("{walk} takes no extension of this list"));
+        walk.extension = [
+            "toml", "html", "json", "csv", "svg", "mcap", "jsonl", "h", "fmu",
+        ]
+        .into_iter()
+        .find(|extension| {
+            let parsed = walk.parse(&format!("x.{extension}"));
+            parsed.is_ok_and(|parsed| check(&parsed).is_ok())
+        })
+        .unwrap_or_else(|| panic!("{walk} takes no extension of this list"));
         walk
     }
 
