@@ -35,12 +35,16 @@ impl Component {
                 "GUID {guid}: {other}, or {ROBOT_FILE} has another number of axes: {own}"
             ));
         }
-        Ok(Self {
+        Ok(Self::of(instance, logger))
+    }
+
+    pub(crate) const fn of(instance: Instance, logger: Logger) -> Self {
+        Self {
             logger,
             instance,
             states: BTreeMap::new(),
             is_lost: false,
-        })
+        }
     }
 
     /// Saves the state, in place of that of `number` if it is known. Returns its number.

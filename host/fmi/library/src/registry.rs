@@ -128,12 +128,11 @@ mod tests {
 
     #[test]
     fn a_panic_becomes_fatal_and_loses_its_component_alone() {
-        let folder = concat!("file://", env!("CARGO_MANIFEST_DIR"), "/tests/resources");
-        let guid = Instance::new(Kind::Compensator, AnyRobotFile::named("l2").unwrap());
-        let guid = guid.unwrap().guid().to_owned();
         let [lost, other] = [(); 2].map(|()| {
+            let robot = AnyRobotFile::named("l2").unwrap();
+            let instance = Instance::new(Kind::Compensator, robot).unwrap();
             create(Logger::new("", None), |logger| {
-                Component::new(&guid, folder, logger)
+                Ok(Component::of(instance, logger))
             })
         });
         assert!(!lost.is_null() && !other.is_null());

@@ -50,8 +50,9 @@ impl Clock {
     /// Returns the cycles of a step.
     pub(super) fn cycles(&self, time: f64, length: f64) -> Result<u64, String> {
         let now = self.time();
-        // A comparison with NaN is false.
-        if !((time - now).abs() <= TIME_TOLERANCE * CYCLE_S) {
+        // `contains` refuses NaN.
+        let tolerance_s = TIME_TOLERANCE * CYCLE_S;
+        if !(-tolerance_s..=tolerance_s).contains(&(time - now)) {
             return Err(format!("step at {time} s: the unit is at {now} s"));
         }
         let cycles = (length / CYCLE_S).round();

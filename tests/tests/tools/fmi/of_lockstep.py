@@ -33,10 +33,10 @@ def rows(path):
     return list(csv.DictReader(text[:text.rfind("\n") + 1].splitlines()))
 
 
-def await_rows(path, found, process):
+def await_rows(path, found, *processes):
     until = time.monotonic() + PATIENCE
     while not found(now := rows(path)):
-        assert process.poll() is None, "the server has ended"
+        assert all(process.poll() is None for process in processes), "server or client has ended"
         assert time.monotonic() < until, f"{len(now)} rows, the last: {now[-1] if now else None}"
         time.sleep(0.2)
 
@@ -52,9 +52,9 @@ def recorded(program, folder):
     client = None
     try:
         address = next(found.group(1) for line in serve.stdout if (found := re.search(r"listening on (\S+?)[;,]", line)))
-        client = subprocess.Popen([program, "client", "--server", address], cwd=folder, stdin=subprocess.DEVNULL,
+        client = subprocess.Popen([program, "client", address], cwd=folder, stdin=subprocess.DEVNULL,
                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        await_rows(path, lambda now: sum(row["state"] == "Obtain" for row in now) > TICKS - 1_000, serve)
+        await_rows(path, lambda now: sum(row["state"] == "Obtain" for row in now) > TICKS - 1_000, serve, client)
         client.send_signal(signal.SIGSTOP)
         await_rows(path, lambda now: now[-1]["state"] == "Listening", serve)
         serve.send_signal(signal.SIGINT)

@@ -1,14 +1,13 @@
 """Units of gantry-tau as FMPy loads them."""
 
-import ctypes
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 from fmpy import extract, read_model_description
-from fmpy.fmi2 import (FMU2Slave, fmi2AllocateMemoryTYPE, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE,
-                       fmi2FreeMemoryTYPE, fmi2StepFinishedTYPE)
+from fmpy.fmi2 import (FMU2Slave, fmi2CallbackAllocateMemoryTYPE, fmi2CallbackFreeMemoryTYPE, fmi2CallbackFunctions,
+                       fmi2CallbackLoggerTYPE, fmi2StepFinishedTYPE)
 
 CYCLE = 1e-3
 
@@ -23,7 +22,7 @@ def write(program, folder, kind, robot="l2"):
 class Unit:
     """An instance, read and written by names. `said` has what its logger was told."""
 
-    def __init__(self, path, name="unit", resources=None, guid=None, extracted=None):
+    def __init__(self, path, name="unit", guid=None, extracted=None):
         self.description = read_model_description(str(path), validate=True)
         self.folder = extracted or extract(str(path))
         self.references = {v.name: v for v in self.description.modelVariables}
@@ -32,8 +31,8 @@ class Unit:
                                modelIdentifier=self.description.coSimulation.modelIdentifier, instanceName=name)
         callbacks = fmi2CallbackFunctions()
         callbacks.logger = fmi2CallbackLoggerTYPE(self.hear)
-        callbacks.allocateMemory = fmi2AllocateMemoryTYPE(lambda n, size: None)
-        callbacks.freeMemory = fmi2FreeMemoryTYPE(lambda pointer: None)
+        callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(lambda n, size: None)
+        callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(lambda pointer: None)
         callbacks.stepFinished = fmi2StepFinishedTYPE(lambda *_: None)
         self.callbacks = callbacks
         self.slave.instantiate(callbacks=callbacks)
@@ -110,7 +109,3 @@ def refused(call, *arguments, **named):
 
 def folder():
     return tempfile.TemporaryDirectory(prefix="gantry-tau-fmi-")
-
-
-def address(pointer):
-    return ctypes.c_void_p(pointer)
