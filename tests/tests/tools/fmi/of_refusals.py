@@ -85,6 +85,29 @@ def order(path):
     for gone in (component, None, 12345):
         assert dll.fmi2Terminate(gone) == ERROR
         dll.fmi2FreeInstance(gone)
+    # Nothing at all, and what is missing of it.
+    create = dll.fmi2Instantiate
+    create.argtypes = [ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int, ctypes.c_int]
+    create.restype = ctypes.c_void_p
+    callbacks, guid = ctypes.addressof(unit.callbacks), unit.description.guid.encode()
+    where = (Path(unit.folder) / "resources").as_uri().encode()
+    for arguments, part in (
+        ((None, 1, None, None, None), None),
+        ((b"a", 1, guid, where, None), None),
+        ((None, 1, guid, where, callbacks), "instance name: is null"),
+        ((b"", 1, guid, where, callbacks), "instance name: is empty"),
+        ((b"a", 0, guid, where, callbacks), "type: expected co-simulation"),
+        ((b"a", 1, None, where, callbacks), "GUID: is null"),
+        ((b"a", 1, guid, None, callbacks), "resource location: is null"),
+        ((b"a", 1, guid, b"http://example.org", callbacks), "file:"),
+        ((b"\xff", 1, guid, where, callbacks), "instance name: is not UTF-8"),
+    ):
+        assert create(*arguments, 0, 0) is None, arguments
+        if part:
+            said(unit, part)
+    made = create(b"a", 1, guid, where, callbacks, 0, 0)
+    assert made
+    dll.fmi2FreeInstance(made)
 
 
 def creation(program, folder, path):
