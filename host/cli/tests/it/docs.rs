@@ -327,7 +327,7 @@ const ELSEWHERE: &[[&str; 3]] = &[
     [
         "docs/cli.md",
         "gantry-tau fmu l2",
-        "needs the library of the units: `tests/tests/tools/fmi/of_page.py`, with another kind",
+        "needs the library of the units: `tests/tests/tools/fmi/of_validity.py`",
     ],
     [
         "docs/python.md",
