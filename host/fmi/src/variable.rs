@@ -292,7 +292,8 @@ impl Values {
 
     /// Returns a switch.
     pub(crate) fn is_set(&self, group: Group<1>) -> bool {
-        self.get(group) != [0.0]
+        let [value] = self.get(group);
+        value > 0.5
     }
 
     /// Sets the values of a group, which is one of the same unit's.
