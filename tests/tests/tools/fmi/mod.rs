@@ -67,7 +67,13 @@ fn built() -> &'static (PathBuf, PathBuf) {
         let profile = program.parent().unwrap();
         let is_debug = profile.ends_with("debug");
         let status = Command::new(env!("CARGO"))
-            .args(["build", "--quiet", "--locked", "--workspace", "--lib"])
+            .args([
+                "build",
+                "--quiet",
+                "--locked",
+                "-p",
+                "gantry-tau-fmi-library",
+            ])
             .args(["--profile", if is_debug { "dev" } else { "release" }])
             .arg("--target-dir")
             .arg(profile.parent().unwrap())
