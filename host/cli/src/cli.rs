@@ -9,6 +9,7 @@ mod draw;
 mod experiment;
 mod export;
 mod faults;
+mod fmu;
 mod follow;
 mod header;
 mod identify;
@@ -85,6 +86,7 @@ enum Command {
     Draw(draw::Draw),
     Header(header::Header),
     Export(export::Export),
+    Fmu(fmu::Fmu),
     Labcomm(labcomm::Labcomm),
     Calibrate(calibrate::Calibrate),
     Identify(identify::Identify),
@@ -187,6 +189,7 @@ pub fn main() -> ExitCode {
         Command::Workspace(workspace) => run_on(workspace.machine.read(), workspace),
         Command::Draw(draw) => run_on(draw.machine.read(), draw),
         Command::Export(export) => run_on(export.machine.read(), export),
+        Command::Fmu(fmu) => fmu.run(),
         Command::Header(header) => header.run(),
         Command::Labcomm(labcomm) => labcomm.run(),
         Command::Calibrate(calibrate) => calibrate.run(),

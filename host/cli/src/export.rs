@@ -8,7 +8,6 @@
 mod at_home;
 mod mjcf;
 mod urdf;
-mod xml;
 
 pub use mjcf::{MjcfError, mjcf};
 pub use urdf::urdf;

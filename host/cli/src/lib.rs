@@ -38,11 +38,13 @@ pub mod demo;
 pub mod ethercat;
 pub mod export;
 pub mod faults;
+pub mod fmu;
 pub mod header;
 pub mod monitor;
 pub mod replay;
 mod signals;
 pub mod solve;
 mod terminal;
+mod xml;
 
 pub use cli::main;

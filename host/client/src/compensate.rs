@@ -52,7 +52,8 @@ pub struct Samples {
     pub acceleration: Option<[f64; 6]>,
 }
 
-/// Tare, filter and compensation, once per cycle.
+/// Tare, filter and compensation, once per cycle. A copy goes on from the same state.
+#[derive(Clone)]
 pub struct Compensation<const N: usize> {
     sensor: ForceSensor,
     compensator: Box<dyn Compensate<N>>,
@@ -131,6 +132,16 @@ impl<const N: usize> Compensation<N> {
             torques: [TorquePermille(0); N],
             turn: Matrix3::identity(),
         })
+    }
+
+    /// Finds the notches of the filter in the cycle that asks for them, without a thread: for a
+    /// program whose time does not pass meanwhile.
+    #[must_use]
+    pub fn in_step(self) -> Self {
+        Self {
+            notches: self.notches.map(FollowingNotches::in_step),
+            ..self
+        }
     }
 
     /// Returns the position offsets of one cycle for the samples and the nominal positions of a tick.

@@ -48,7 +48,7 @@ pub(crate) struct TorqueScale<const N: usize> {
 }
 
 /// Nominal motion of a machine with masses.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct FeedForward<const N: usize> {
     machine: MassiveMachine<N>,
     low_pass: Filter,

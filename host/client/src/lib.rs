@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`run`] | the compensating client: connects, tares, compensates, leaves |
 //! | [`Connection`] | a session over TCP or UDP, for clients that compute offsets of their own |
+//! | [`Controller`] | from a State to the mode and the targets of its answer, without sockets |
 //! | [`Compensation`] | from a force and the positions of the axes to offsets |
 //! | [`force_sensor`] | sources of the measured force |
 //! | [`pace`] | a port for programs that are slower than the server |
@@ -32,6 +33,7 @@
 mod accelerometer;
 mod compensate;
 mod connection;
+mod controller;
 mod feed_forward;
 pub mod force_sensor;
 mod notches;
@@ -59,8 +61,10 @@ pub use accelerometer::AccelerometerError;
 pub use compensate::{Compensation, Samples, SetupError};
 pub use connection::Connection;
 pub use connection::connected_datagrams;
+pub use controller::{Controller, Counts};
 pub use oscillation::Oscillation;
 pub use run::{run, run_observed};
+pub use stability::HomeMargin;
 
 /// Options of a client.
 #[derive(Clone, Debug)]

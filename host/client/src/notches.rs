@@ -21,18 +21,72 @@ type Place<const N: usize> = (Pose, [f64; N]);
 /// Notches that follow a machine.
 #[derive(Debug)]
 pub(crate) struct FollowingNotches<const N: usize> {
+    finder: NotchFinder<N>,
     /// Place of the notches in use, or of those that are being found.
     last: Pose,
+    /// The thread that finds them; absent where they are found in the cycle that asks.
+    thread: Option<Thread<N>>,
+}
+
+/// Both ends of the thread, which ends with them.
+#[derive(Debug)]
+struct Thread<const N: usize> {
     places: SyncSender<Place<N>>,
     found: Receiver<Notches>,
 }
 
+/// A copy has no thread.
+impl<const N: usize> Clone for FollowingNotches<N> {
+    fn clone(&self) -> Self {
+        Self {
+            finder: self.finder,
+            last: self.last,
+            thread: None,
+        }
+    }
+}
+
 impl<const N: usize> FollowingNotches<N> {
-    /// Starts the thread, which ends with this value. The notches in use are those of `home`.
+    /// Starts the thread. The notches in use are those of `home`.
     ///
     /// # Errors
     /// The system has no thread.
     pub(crate) fn start(finder: NotchFinder<N>, home: Pose) -> io::Result<Self> {
+        Ok(Self {
+            finder,
+            last: home,
+            thread: Some(Thread::start(finder)?),
+        })
+    }
+
+    /// Ends the thread: notches are found in the cycle that asks for them.
+    pub(crate) fn in_step(self) -> Self {
+        Self {
+            thread: None,
+            ..self
+        }
+    }
+
+    /// Tells the place of the machine. Returns notches that were found since.
+    pub(crate) fn follow(&mut self, pose: &Pose, axes: &[f64; N]) -> Option<Notches> {
+        let has_moved = has_moved(&self.last, pose);
+        let Some(Thread { places, found }) = &self.thread else {
+            if !has_moved {
+                return None;
+            }
+            self.last = *pose;
+            return self.finder.at(pose, axes);
+        };
+        // If the thread is busy, it is asked again in the next cycle.
+        if has_moved && places.try_send((*pose, *axes)).is_ok() {
+            self.last = *pose;
+        }
+        found.try_recv().ok()
+    }
+}
+
+impl<const N: usize> Thread<N> {
+    fn start(finder: NotchFinder<N>) -> io::Result<Self> {
         let (places, asked) = sync_channel::<Place<N>>(1);
         let (answers, found) = sync_channel(1);
         let find = move || {
@@ -49,20 +103,7 @@ impl<const N: usize> FollowingNotches<N> {
         thread::Builder::new()
             .name("notches".to_owned())
             .spawn(find)?;
-        Ok(Self {
-            last: home,
-            places,
-            found,
-        })
-    }
-
-    /// Tells the place of the machine. Returns notches that were found since.
-    pub(crate) fn follow(&mut self, pose: &Pose, axes: &[f64; N]) -> Option<Notches> {
-        // If the thread is busy, it is asked again in the next cycle.
-        if has_moved(&self.last, pose) && self.places.try_send((*pose, *axes)).is_ok() {
-            self.last = *pose;
-        }
-        self.found.try_recv().ok()
+        Ok(Self { places, found })
     }
 }
 

@@ -73,7 +73,7 @@ impl fmt::Display for Oscillation {
 }
 
 /// Detectors of all axes.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Oscillations<const N: usize> {
     detectors: [Detector; N],
     lowest_mode: Option<LowestMode<N>>,

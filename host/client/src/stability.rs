@@ -7,7 +7,7 @@ use gantry_tau_machine::stability::survey::MIN_MARGIN;
 
 /// Smallest margin of a loop at home.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct HomeMargin {
+pub struct HomeMargin {
     /// Against any phase, with all of the correction; `None` without masses.
     whole: Option<f64>,
     robot: String,
@@ -15,7 +15,8 @@ pub(crate) struct HomeMargin {
 
 impl HomeMargin {
     /// Margin of a robot file's machine with its filter.
-    pub(crate) fn of<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Self {
+    #[must_use]
+    pub fn of<K: MachineKind<N>, const N: usize>(robot: &RobotFile<K, N>) -> Self {
         Self {
             whole: margin(robot),
             robot: robot.name.clone(),
@@ -23,12 +24,14 @@ impl HomeMargin {
     }
 
     /// True if nothing is known: the robot file has no masses.
-    pub(crate) const fn is_unknown(&self) -> bool {
+    #[must_use]
+    pub const fn is_unknown(&self) -> bool {
         self.whole.is_none()
     }
 
     /// Returns the reason against this share of the correction, 0 to 1.
-    pub(crate) fn against(&self, gain: f64) -> Option<String> {
+    #[must_use]
+    pub fn against(&self, gain: f64) -> Option<String> {
         let margin = self.whole? / gain;
         (margin < MIN_MARGIN).then(|| {
             format!(

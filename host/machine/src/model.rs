@@ -109,6 +109,9 @@ pub struct CompensatorSetup<'a, const N: usize> {
 /// A compensator, used once per cycle: it locates the platform, with which a force sensor's reading
 /// becomes a load, and then corrects for the load.
 pub trait Compensate<const N: usize>: Send {
+    /// Returns a copy, which goes on from the same state.
+    fn copy(&self) -> Box<dyn Compensate<N>>;
+
     /// Returns the pose that the nominal positions stand for.
     ///
     /// # Errors
@@ -145,6 +148,12 @@ pub trait Compensate<const N: usize>: Send {
     /// # Errors
     /// [`CompensatorError::Gain`]; the share before stays.
     fn set_gain(&mut self, gain: f64) -> Result<(), CompensatorError>;
+}
+
+impl<const N: usize> Clone for Box<dyn Compensate<N>> {
+    fn clone(&self) -> Self {
+        self.as_ref().copy()
+    }
 }
 
 /// Returns positions in q-units, of axes of `metres_per_q`, as the reference path has them.

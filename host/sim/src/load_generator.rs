@@ -145,7 +145,27 @@ impl LoadGenerator {
     }
 }
 
+/// A copy has the present load, and no generator yet.
+impl Clone for AppliedLoad {
+    fn clone(&self) -> Self {
+        let shared = *self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        Self {
+            shared: Arc::new(Mutex::new(shared)),
+            ..*self
+        }
+    }
+}
+
 impl AppliedLoad {
+    /// Returns a generator for this load.
+    #[must_use]
+    pub fn generator(&self) -> LoadGenerator {
+        LoadGenerator {
+            shared: Arc::clone(&self.shared),
+            glide_cycles: 0,
+        }
+    }
+
     /// True of a load that changes in a cycle.
     #[must_use]
     pub const fn changes_in_a_cycle(&self) -> bool {

@@ -46,7 +46,7 @@ use super::accelerometer::SimulatedAccelerometer;
 use super::drive::supervision::Trip;
 use super::drive::{self, Cart, Drive, SUBSTEPS, Settings, coupled};
 use super::force_sensor::SimulatedForceSensor;
-use super::load_generator::{AppliedLoad, Load};
+use super::load_generator::{AppliedLoad, Load, LoadGenerator};
 use super::moving_platform::{Motors, MovingPlatform};
 use super::parameters::{SimulationError, SimulationParameters, springs};
 use super::springs::TrueSprings;
@@ -55,8 +55,9 @@ use super::workpiece::Workpiece;
 /// Largest number of cycles that one `read` simulates; further time is skipped.
 pub const MAX_CYCLES_PER_READ: u64 = 100;
 
-/// A simulated machine with `N` axes and `M` motors `[T 4.2]`.
-#[derive(Debug)]
+/// A simulated machine with `N` axes and `M` motors `[T 4.2]`. A copy goes on from the same state, under
+/// a load of its own.
+#[derive(Clone, Debug)]
 pub struct SimulatedMachine<const N: usize, const M: usize> {
     springs: TrueSprings<N>,
     motors: MotorMap<N, M>,
@@ -229,6 +230,12 @@ impl<const N: usize, const M: usize> SimulatedMachine<N, M> {
         }
         self.moving = Some(Box::new(moving));
         Ok(self)
+    }
+
+    /// Returns a generator for the load on its tool.
+    #[must_use]
+    pub fn load_generator(&self) -> LoadGenerator {
+        self.tool.generator()
     }
 
     /// Returns the pose of the platform, if the machine moves by masses.

@@ -23,6 +23,7 @@ mod name;
 mod place;
 mod stream;
 
+use std::borrow::Cow;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -191,6 +192,14 @@ impl Output {
         write_all(&[(self, text)])?;
         Ok(self.path.clone())
     }
+
+    /// Writes the whole file, of a kind that is no text.
+    ///
+    /// # Errors
+    /// [`WriteError`]; an old file is as it was.
+    pub fn write_bytes(&self, bytes: &[u8]) -> Result<(), WriteError> {
+        write_each(&[(self, bytes.into())])
+    }
 }
 
 /// Writes several whole files: all of them, or, if one of them cannot be written, none.
@@ -198,19 +207,26 @@ impl Output {
 /// # Errors
 /// [`WriteError`]; old files are as they were.
 pub fn write_all(files: &[(&Output, &str)]) -> Result<(), WriteError> {
-    let mut prepared = Vec::new();
-    for (number, (output, text)) in files.iter().enumerate() {
+    let stamped = files.iter().map(|(output, text)| {
         let text = output.kind.stamped(text);
+        (*output, Cow::from(text.into_bytes()))
+    });
+    write_each(&stamped.collect::<Vec<_>>())
+}
+
+fn write_each(files: &[(&Output, Cow<'_, [u8]>)]) -> Result<(), WriteError> {
+    let mut prepared = Vec::new();
+    for (number, (output, bytes)) in files.iter().enumerate() {
         prepared.push(match output.place()? {
-            Destination::Stream(target) => Prepared::Stream { target, text },
+            Destination::Stream(target) => Prepared::Stream { target, bytes },
             Destination::Free(target) | Destination::File(target) => {
-                Prepared::Beside(Beside::write(target, &output.path, number, &text)?)
+                Prepared::Beside(Beside::write(target, &output.path, number, bytes)?)
             }
         });
     }
     for (file, (output, _)) in prepared.into_iter().zip(files) {
         let finished = match file {
-            Prepared::Stream { target, text } => place::write_stream(&target, text.as_bytes()),
+            Prepared::Stream { target, bytes } => place::write_stream(&target, bytes),
             Prepared::Beside(beside) => beside.rename(),
         };
         finished.map_err(|error| WriteError::system(&output.path, &error))?;
@@ -218,9 +234,9 @@ pub fn write_all(files: &[(&Output, &str)]) -> Result<(), WriteError> {
     Ok(())
 }
 
-/// A text on its way to its target.
-enum Prepared {
-    Stream { target: PathBuf, text: String },
+/// A file on its way to its target.
+enum Prepared<'a> {
+    Stream { target: PathBuf, bytes: &'a [u8] },
     Beside(Beside),
 }
 
@@ -231,16 +247,21 @@ struct Beside {
 }
 
 impl Beside {
-    /// Writes a text beside `target`, with the permissions of the file that it replaces.
-    fn write(target: PathBuf, named: &Path, number: usize, text: &str) -> Result<Self, WriteError> {
-        Self::create(target, number, text).map_err(|error| WriteError::system(named, &error))
+    /// Writes a file beside `target`, with the permissions of the file that it replaces.
+    fn write(
+        target: PathBuf,
+        named: &Path,
+        number: usize,
+        bytes: &[u8],
+    ) -> Result<Self, WriteError> {
+        Self::create(target, number, bytes).map_err(|error| WriteError::system(named, &error))
     }
 
-    fn create(target: PathBuf, number: usize, text: &str) -> std::io::Result<Self> {
+    fn create(target: PathBuf, number: usize, bytes: &[u8]) -> std::io::Result<Self> {
         let path = place::beside(&target, number);
         let mut file = place::create_new(&path)?;
         let beside = Self { target, path };
-        file.write_all(text.as_bytes())?;
+        file.write_all(bytes)?;
         file.sync_all()?;
         if let Ok(old) = fs::metadata(&beside.target) {
             fs::set_permissions(&beside.path, old.permissions())?;

@@ -1,7 +1,7 @@
 //! Tests that need compilers for C, Valgrind, an emulator, Python, engines of rigid bodies, Wine,
 //! LinuxCNC, a browser, the reader of MCAP, another MainDevice of EtherCAT, systemd, Debian's tools or
 //! Coq: the C interface, the firmware, the client in Python and on Windows, what `solve` says of
-//! machines with masses, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT
+//! machines with masses, the units of FMI, the modules for LinuxCNC, the page of the monitor, recordings, the EtherCAT
 //! bus, the service, the package, the composition of the proofs. A test whose tool is missing is
 //! reported as ignored, with the name of the tool.
 
@@ -11,6 +11,7 @@ mod engines;
 #[cfg(target_os = "linux")]
 mod ethercat;
 mod firmware;
+mod fmi;
 #[cfg(target_os = "linux")]
 mod linuxcnc;
 mod mcap;
@@ -38,6 +39,7 @@ fn main() {
     trials.extend(capi::trials());
     trials.extend(composition::trials());
     trials.extend(engines::trials());
+    trials.extend(fmi::trials());
     trials.extend(mcap::trials());
     trials.extend(monitor::trials());
     trials.extend(python::trials());

@@ -23,8 +23,8 @@ use gantry_tau_machine::scene::LINK_NAMES;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::at_home::{AtHome, Link, Turn};
-use super::xml::Element;
 use super::{CART_M, LINK_RADIUS_M};
+use crate::xml::Element;
 
 /// Step, s. MuJoCo makes no constraint that is faster than two of them.
 const STEP_S: f64 = 1e-4;

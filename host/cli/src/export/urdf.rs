@@ -9,8 +9,8 @@ use gantry_tau_machine::robot_file::{RobotFile, RobotFileError};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::at_home::AtHome;
-use super::xml::Element;
 use super::{CART_M, LINK_RADIUS_M};
+use crate::xml::Element;
 
 /// Name of the root.
 const WORLD: &str = "world";

@@ -315,6 +315,26 @@ const ELSEWHERE: &[[&str; 3]] = &[
         "needs a program with EtherCAT: `host/cli/tests/it/golden.rs`, which records the output",
     ],
     [
+        "docs/fmi.md",
+        "pip install fmpy",
+        "builds the library of the units, and needs fmpy: `tests/tests/tools/fmi/of_page.py`",
+    ],
+    [
+        "docs/fmi.md",
+        "cargo build --release -p gantry-tau-fmi-library",
+        "builds the library of the units: `tests/tests/tools/fmi`, with other settings",
+    ],
+    [
+        "docs/fmi.md",
+        "gantry-tau fmu l2 --kind server",
+        "needs the library of the units: `tests/tests/tools/fmi/of_page.py`",
+    ],
+    [
+        "docs/cli.md",
+        "gantry-tau fmu l2",
+        "needs the library of the units: `tests/tests/tools/fmi/of_validity.py`",
+    ],
+    [
         "docs/python.md",
         "pip install maturin",
         "builds a wheel and installs it: `.ci/run`, with `tests/tests/tools/python/of_wheel.py`",

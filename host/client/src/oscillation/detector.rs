@@ -34,7 +34,7 @@ pub(super) struct Pattern {
 }
 
 /// Detector of one axis. It allocates when it is made.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Detector {
     points: TurningPoints,
     hysteresis_nm: u32,

@@ -12,7 +12,7 @@ const MOVED_NM: u64 = 5_000_000;
 
 /// Lowest natural frequency of a machine with its drives held, unloaded, computed again where an
 /// axis has moved by 5 mm.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct LowestMode<const N: usize> {
     machine: MassiveMachine<N>,
     metres_per_q: [f64; N],

@@ -127,6 +127,7 @@ fn walk(kinematics: &F1, home_m: &Vector3<f64>, q: &[f64; AXES]) -> Result<Pose,
 
 /// Compensator of an F1 for the pose of its tool: links and axes, then the wrist. It follows the
 /// nominal pose from cycle to cycle.
+#[derive(Clone)]
 struct F1Compensator {
     springs: Springs,
     tracker: PoseTracker,
@@ -137,6 +138,10 @@ struct F1Compensator {
 }
 
 impl Compensate<AXES> for F1Compensator {
+    fn copy(&self) -> Box<dyn Compensate<AXES>> {
+        Box::new(self.clone())
+    }
+
     fn locate(&mut self, nominal: &[PositionNm; AXES]) -> Result<Pose, KinematicsError> {
         let kinematics = self.springs.machine().kinematics();
         let q = self.springs.config().q_of(nominal);

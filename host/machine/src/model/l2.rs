@@ -85,6 +85,7 @@ impl MachineKind<AXES> for L2 {
 }
 
 /// Compensator of an L2 for the translation of its tool: links and axes, then the wrist.
+#[derive(Clone)]
 struct L2Compensator {
     springs: Springs,
     /// The machine without its nominal travel, which offsets may leave.
@@ -95,6 +96,10 @@ struct L2Compensator {
 }
 
 impl Compensate<AXES> for L2Compensator {
+    fn copy(&self) -> Box<dyn Compensate<AXES>> {
+        Box::new(self.clone())
+    }
+
     fn locate(&mut self, nominal: &[PositionNm; AXES]) -> Result<Pose, KinematicsError> {
         let kinematics = self.springs.machine().kinematics();
         Ok(kinematics.pose(kinematics.forward(&self.springs.config().q_of(nominal))?))

@@ -18,8 +18,8 @@ const MEASURED: [&str; 3] = [
 ];
 
 /// Extensions that say what a file is.
-const EXTENSIONS: [&str; 9] = [
-    "csv", "h", "html", "json", "jsonl", "svg", "toml", "urdf", "xml",
+const EXTENSIONS: [&str; 10] = [
+    "csv", "fmu", "h", "html", "json", "jsonl", "svg", "toml", "urdf", "xml",
 ];
 
 /// Contents of a whole file.
@@ -37,6 +37,8 @@ pub enum Kind {
     Header,
     /// A machine for other programs, XML.
     Model,
+    /// A functional mock-up unit, a zip archive.
+    Fmu,
     /// The table of `workspace`, CSV.
     Map,
     /// A plan of measurements, TOML.
@@ -60,6 +62,7 @@ impl fmt::Display for Kind {
             Self::Answer => "an answer in JSON",
             Self::Header => "a C header",
             Self::Model => "a model of a machine",
+            Self::Fmu => "a functional mock-up unit",
             Self::Map => "a table of `workspace`",
             Self::Plan => "a plan",
             Self::Table => "a table without rows",
@@ -108,6 +111,7 @@ impl Kind {
             Self::Answer => &["json"],
             Self::Header => &["h"],
             Self::Model => &["xml", "urdf"],
+            Self::Fmu => &["fmu"],
             Self::Map | Self::Table => &["csv"],
             Self::Plan | Self::Robot => &["toml"],
             Self::BlackBox => &["jsonl", "json"],
@@ -152,6 +156,8 @@ impl Kind {
                     && !MEASURED.iter().any(|mark| head.contains(mark))
             }
             Self::Header => start.contains("Written by `gantry-tau header`"),
+            // Names of the archive's files: the description, then the library.
+            Self::Fmu => start.starts_with("PK\u{3}\u{4}") && head.contains("/gantry_tau_"),
             Self::Map => start.starts_with("x_m,y_m,z_m,code,condition,"),
             Self::Plan => has_text(head, "format", "gantry-tau "),
             Self::Table => {

@@ -49,6 +49,7 @@ const COMMANDS: [(&str, &[&str]); 33] = [
     ("draw", &["--robot", "IN"]),
     ("header", &["--robot", "IN"]),
     ("export", &["--robot", "IN"]),
+    ("fmu", &["--robot", "IN", "--kind", "server"]),
     ("labcomm decode", &["IN"]),
     ("labcomm encode", &["IN"]),
     ("labcomm schema", &["--robot", "IN"]),
@@ -162,13 +163,15 @@ impl<'a> Walk<'a> {
             is_whole: *ty == TypeId::of::<Output>(),
             extension: "",
         };
-        walk.extension = ["toml", "html", "json", "csv", "svg", "mcap", "jsonl", "h"]
-            .into_iter()
-            .find(|extension| {
-                let parsed = walk.parse(&format!("x.{extension}"));
-                parsed.is_ok_and(|parsed| check(&parsed).is_ok())
-            })
-            .unwrap_or_else(|| panic!("{walk} takes no extension of this list"));
+        walk.extension = [
+            "toml", "html", "json", "csv", "svg", "mcap", "jsonl", "h", "fmu",
+        ]
+        .into_iter()
+        .find(|extension| {
+            let parsed = walk.parse(&format!("x.{extension}"));
+            parsed.is_ok_and(|parsed| check(&parsed).is_ok())
+        })
+        .unwrap_or_else(|| panic!("{walk} takes no extension of this list"));
         walk
     }
 

@@ -4,14 +4,14 @@ use std::fmt;
 
 /// An element with its attributes and the elements in it.
 #[derive(Clone, Debug)]
-pub(super) struct Element {
+pub(crate) struct Element {
     name: &'static str,
     attributes: String,
     inner: Vec<Self>,
 }
 
 impl Element {
-    pub(super) const fn new(name: &'static str) -> Self {
+    pub(crate) const fn new(name: &'static str) -> Self {
         Self {
             name,
             attributes: String::new(),
@@ -21,14 +21,25 @@ impl Element {
 
     /// Adds an attribute. The value has no character that XML escapes.
     #[must_use]
-    pub(super) fn with(mut self, name: &str, value: impl fmt::Display) -> Self {
+    pub(crate) fn with(mut self, name: &str, value: impl fmt::Display) -> Self {
         self.attributes += &format!(" {name}=\"{value}\"");
         self
     }
 
+    /// Adds an attribute of a text for people.
+    #[must_use]
+    pub(crate) fn with_text(self, name: &str, text: &str) -> Self {
+        let escaped = text
+            .replace('&', "&amp;")
+            .replace('<', "&lt;")
+            .replace('>', "&gt;")
+            .replace('"', "&quot;");
+        self.with(name, escaped)
+    }
+
     /// Adds an attribute of numbers, each with as many digits as tell it from its neighbours.
     #[must_use]
-    pub(super) fn with_numbers(self, name: &str, numbers: &[f64]) -> Self {
+    pub(crate) fn with_numbers(self, name: &str, numbers: &[f64]) -> Self {
         let all: Vec<String> = numbers
             .iter()
             // -0.0 + 0.0 is +0.0.
@@ -39,7 +50,7 @@ impl Element {
 
     /// Adds elements behind those that are in it.
     #[must_use]
-    pub(super) fn containing(mut self, inner: impl IntoIterator<Item = Self>) -> Self {
+    pub(crate) fn containing(mut self, inner: impl IntoIterator<Item = Self>) -> Self {
         self.inner.extend(inner);
         self
     }

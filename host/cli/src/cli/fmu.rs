@@ -1,0 +1,77 @@
+//! `gantry-tau fmu`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use crate::fmu::fmu;
+use crate::fmu::library::Library;
+use crate::terminal::say;
+use clap::{Args, ValueEnum};
+use gantry_tau_fmi::kind::Kind as UnitKind;
+use gantry_tau_machine::robot_file::text_of;
+use gantry_tau_system::output::{Kind, Output};
+
+use super::Outcome;
+use super::machine::MachineOption;
+use super::outputs::{InputFile, file};
+
+/// Write a functional mock-up unit (FMI 2.0, co-simulation): server, machine or compensator for
+/// Simulink, OpenModelica, Dymola, FMPy
+///
+/// The unit has the robot file, a description of its variables, and the library of all units,
+/// libgantry_tau_fmu.so, which is found beside this program or named with --library. A unit computes
+/// cycles of 1 ms. docs/fmi.md has its variables and a program that runs it.
+#[derive(Debug, Args)]
+pub(crate) struct Fmu {
+    #[command(flatten)]
+    machine: MachineOption,
+    /// What the unit computes
+    #[arg(long)]
+    kind: KindChoice,
+    /// Library of the units, one per platform (repeatable) [default: that of this computer, beside
+    /// the program or in ../lib/gantry-tau from there]
+    #[arg(long, value_name = "FILE")]
+    library: Vec<InputFile>,
+    /// The unit to be written
+    #[arg(short, long, value_name = "FILE.fmu", value_parser = file(Kind::Fmu))]
+    output: Output,
+}
+
+/// Kind of a unit.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum KindChoice {
+    /// Server and compensating client: force and nominal positions to references, within limits
+    Server,
+    /// Simulated machine: references and load to positions, displacement and force reading
+    Machine,
+    /// Compensation alone: force and nominal positions to targets, without a session
+    Compensator,
+}
+
+impl From<KindChoice> for UnitKind {
+    fn from(choice: KindChoice) -> Self {
+        match choice {
+            KindChoice::Server => Self::Server,
+            KindChoice::Machine => Self::Machine,
+            KindChoice::Compensator => Self::Compensator,
+        }
+    }
+}
+
+impl Fmu {
+    pub(super) fn run(self) -> Outcome {
+        let named: Vec<PathBuf> = self.library.iter().map(|file| file.to_path_buf()).collect();
+        let libraries = Library::find(&named)?;
+        let (kind, name) = (self.kind.into(), self.machine.name());
+        let text = text_of(name)?;
+        let bytes = fmu(kind, name, &text, &libraries)?;
+        self.output.write_bytes(&bytes)?;
+        let platforms = libraries.iter().map(|library| library.platform.folder());
+        let platforms = platforms.collect::<Vec<_>>().join(", ");
+        let path = self.output.path().display();
+        say(format_args!(
+            "{kind} of {name} for {platforms}: written to {path}"
+        ));
+        Ok(ExitCode::SUCCESS)
+    }
+}
