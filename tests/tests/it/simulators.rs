@@ -121,7 +121,7 @@ fn with(answer: &Value, field: &str, value: Value) -> Conduct {
 
 #[test]
 fn a_simulator_that_does_wrong_is_a_machine_that_cannot_be_read() {
-    let cases: [(&str, &str, Fault, &str); 17] = [
+    let cases: [(&str, &str, Fault, &str); 18] = [
         (
             "read",
             "is silent",

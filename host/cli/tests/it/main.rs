@@ -75,7 +75,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 23] = [
+    const COMMANDS: [&str; 24] = [
         "demo",
         "serve",
         "client",

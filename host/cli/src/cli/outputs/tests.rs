@@ -19,7 +19,7 @@ const FOLDERS: [(&str, &str); 4] = [
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 33] = [
+const COMMANDS: [(&str, &[&str]); 34] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
