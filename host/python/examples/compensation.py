@@ -42,4 +42,6 @@ if __name__ == "__main__":
     parser.add_argument("--robot", default="robots/l2.toml", help="robot file of the machine")
     parser.add_argument("--gantry-tau", metavar="PROGRAM", help="default: gantry-tau of the PATH")
     options = parser.parse_args()
-    gantry_tau.main(Compensation(Solver(options.robot, options.gantry_tau)), options, needs_wrench=True)
+    controller = Compensation(Solver(options.robot, options.gantry_tau))
+    # A server in lock-step waits for an answer, and a busy computer may let it wait for more than a second.
+    gantry_tau.main(controller, options, needs_wrench=True, patience_s=10.0)

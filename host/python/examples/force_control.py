@@ -79,4 +79,6 @@ if __name__ == "__main__":
     parser.add_argument("--gantry-tau", metavar="PROGRAM", help="default: gantry-tau of the PATH")
     options = parser.parse_args()
     forces_n = [float(force) for force in options.forces.split(",")]
-    gantry_tau.main(ForceControl(Solver(options.robot, options.gantry_tau), forces_n, options.each), options, needs_wrench=True)
+    controller = ForceControl(Solver(options.robot, options.gantry_tau), forces_n, options.each)
+    # A server in lock-step waits for an answer, and a busy computer may let it wait for more than a second.
+    gantry_tau.main(controller, options, needs_wrench=True, patience_s=10.0)
