@@ -4,7 +4,7 @@ mod archive;
 mod description;
 pub mod library;
 
-use gantry_tau_fmi::instance::{Instance, Refused};
+use gantry_tau_fmi::instance::{CallRefused, Instance};
 use gantry_tau_fmi::kind::Kind;
 use gantry_tau_machine::robot_file::{AnyRobotFile, RobotFileError};
 
@@ -20,7 +20,7 @@ pub enum FmuError {
     Robot(#[from] RobotFileError),
     /// The robot file gives no unit of this kind.
     #[error(transparent)]
-    Unit(#[from] Refused),
+    Unit(#[from] CallRefused),
     /// A library cannot be used.
     #[error(transparent)]
     Library(#[from] LibraryError),

@@ -1,6 +1,7 @@
 //! From power-on to SAFE-OP: who is on the bus, what the drives have in force, what they map, and
 //! their watchdogs.
 
+mod clocks;
 mod error;
 
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
@@ -12,7 +13,8 @@ use ethercrab::{
 
 use crate::cia402::{CSP, Input, Mapping, Offset, Target};
 use crate::clock;
-use crate::clocks::{ClockSettings, Clocks};
+pub use clocks::ClockSettings;
+use clocks::Clocks;
 pub use error::BringUpError;
 
 /// Largest number of SubDevices, a power of two.

@@ -12,15 +12,14 @@ use ethercrab::{
 };
 
 use crate::bring_up::{
-    BringUpError, DriveConfig, Initial, MAX_IMAGE, MAX_SUBDEVICES, Member, Ready, Settings,
-    al_status, bring_up, number,
+    BringUpError, ClockSettings, DriveConfig, Initial, MAX_IMAGE, MAX_SUBDEVICES, Member, Ready,
+    Settings, al_status, bring_up, number,
 };
 use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
-use crate::clocks::ClockSettings;
 use crate::fault::Fault;
 use crate::main_device::main_device;
-use crate::pace::Pace;
 use crate::pump::Pump;
+use crate::steered_cycle::SteeredCycle;
 use crate::steering::SteeringFault;
 use crate::wire::Wire;
 
@@ -85,7 +84,7 @@ pub struct Drives<W: Wire, const M: usize> {
     /// Cycles in a row without a right answer.
     missed: u32,
     /// Cycle that follows the reference clock; `None` for drives that run freely.
-    pace: Option<Pace>,
+    steered: Option<SteeredCycle>,
 }
 
 impl<W: Wire, const M: usize> Drives<W, M> {
@@ -139,9 +138,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             seconds: BRING_UP_S,
         })??;
         let sent = members.map(|member| crate::bring_up::standing(&member.initial));
-        let pace = clocks
+        let steered = clocks
             .zip(sync0_start_ns)
-            .map(|(clocks, start_ns)| Pace::new(&clocks, settings.cycle_ns(), start_ns));
+            .map(|(clocks, start_ns)| SteeredCycle::new(&clocks, settings.cycle_ns(), start_ns));
         Ok(Self {
             pump,
             main,
@@ -156,7 +155,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             settings,
             condition: Condition::Prepared,
             missed: 0,
-            pace,
+            steered,
         })
     }
 
@@ -208,8 +207,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
 
     /// Steers the cycle by the last exchange.
     fn steer(&mut self) -> Option<SteeringFault> {
-        let pace = self.pace.as_mut()?;
-        let (shift_ns, fault) = pace.step();
+        let steered = self.steered.as_mut()?;
+        let (shift_ns, fault) = steered.step();
         self.pump.wire.shift_cycles(shift_ns);
         fault
     }
@@ -218,27 +217,27 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// before it; `None` for drives that run freely. After [`start`](Self::start).
     pub fn next_cycle_ns(&mut self) -> Option<u64> {
         let now_ns = self.pump.wire.now_ns();
-        let pace = self.pace.as_mut()?;
-        pace.take_shift_ns();
-        Some(pace.upcoming_ns(now_ns))
+        let steered = self.steered.as_mut()?;
+        steered.take_shift_ns();
+        Some(steered.upcoming_ns(now_ns))
     }
 
     /// Returns the time by which the next cycle is to begin later than a cycle after the last, ns,
     /// and takes it off; at most a thousandth of a cycle.
     pub fn take_shift_ns(&mut self) -> i64 {
-        self.pace.as_mut().map_or(0, Pace::take_shift_ns)
+        self.steered.as_mut().map_or(0, SteeredCycle::take_shift_ns)
     }
 
     /// Returns the phase of the last frame against SYNC0, ns; `None` without a sample.
     #[must_use]
     pub fn phase_ns(&self) -> Option<i64> {
-        self.pace.as_ref().and_then(Pace::phase_ns)
+        self.steered.as_ref().and_then(SteeredCycle::phase_ns)
     }
 
     /// True if the cycle is in phase with SYNC0; `None` for drives that run freely.
     #[must_use]
     pub fn is_locked(&self) -> Option<bool> {
-        self.pace.as_ref().map(Pace::is_locked)
+        self.steered.as_ref().map(SteeredCycle::is_locked)
     }
 
     /// Asks for the way back after a fault; [`cycle`](Self::cycle) goes it, one step at a time.
@@ -247,8 +246,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             self.condition = Condition::Rearming { cycles: 0 };
             self.requested = [false; M];
             self.refusal = None;
-            if let Some(pace) = &mut self.pace {
-                pace.forget_faults();
+            if let Some(steered) = &mut self.steered {
+                steered.forget_faults();
             }
         }
     }
@@ -266,8 +265,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// [`Fault::Resent`] when they were not sent, and the measurements are good. After faults of
     /// more than one cycle the drives are stopped until a re-arm.
     pub fn cycle(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
-        if let Some(pace) = &mut self.pace {
-            pace.begin(self.pump.wire.now_ns());
+        if let Some(steered) = &mut self.steered {
+            steered.begin(self.pump.wire.now_ns());
         }
         let outcome = self.cycle_in_condition(targets);
         let is_running = !matches!(self.condition, Condition::Prepared | Condition::Stopped(_));
@@ -419,7 +418,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             return Err(Fault::Image);
         }
         let limit_us = u64::from(self.settings.answer_us);
-        if self.pace.is_some() {
+        if self.steered.is_some() {
             return self.exchange_with_time(limit_us);
         }
         let answer = match &self.group {
@@ -447,8 +446,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         };
         // The frame leaves with zeros, and comes back with them if the reference did not answer.
         let time = answer.extra.filter(|time| *time != 0);
-        if let (Some(pace), Some(time)) = (&mut self.pace, time) {
-            pace.note_time(time);
+        if let (Some(steered), Some(time)) = (&mut self.steered, time) {
+            steered.note_time(time);
         }
         self.apply_answer(&answer)
     }

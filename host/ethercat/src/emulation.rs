@@ -26,7 +26,7 @@ pub use chain::{Chain, Kinematic, Process, Write};
 pub use device::{Device, MAX_PROCESS_DATA};
 pub use distributed_clock::ClockSetup;
 pub use drive::{Drive, DriveSetup, Motor, PowerState, STEP_US};
-pub use instrument::{Encoder, EncoderModel, ForceSensor, ForceUnits, Instrument, Plain};
+pub use instrument::{EncoderModel, EncoderTerminal, ForceTerminal, ForceUnits, Instrument, Plain};
 pub use showcase::one_of_every_kind;
 pub use sii::{COE, Identity, SOE, Sii};
 pub use slots::Node;

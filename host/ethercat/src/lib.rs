@@ -16,22 +16,21 @@ mod bring_up;
 mod cia402;
 mod claim;
 mod clock;
-mod clocks;
 mod drives;
 #[cfg(feature = "emulation")]
 pub mod emulation;
 mod fault;
 mod main_device;
-mod pace;
+
 mod pump;
 mod raw_socket;
 pub mod scan;
+mod steered_cycle;
 pub mod steering;
 mod wire;
 
-pub use bring_up::{BringUpError, DriveConfig, Initial, Place, Settings};
+pub use bring_up::{BringUpError, ClockSettings, DriveConfig, Initial, Place, Settings};
 pub use cia402::{Input, Offset, PowerState, Target};
-pub use clocks::ClockSettings;
 pub use drives::{Condition, Drives};
 pub use fault::Fault;
 pub use raw_socket::{RawSocket, RawSocketError, check_link};

@@ -98,7 +98,7 @@ impl Protocols {
 
 /// Distributed clock of a device, by bits 2 and 3 of register 0008h.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Clock {
+pub enum ClockWidth {
     /// None.
     None,
     /// A clock of 32 bits.
@@ -127,7 +127,7 @@ pub struct Device {
     /// Mailbox protocols.
     pub protocols: Protocols,
     /// Distributed clock.
-    pub clock: Clock,
+    pub clock: ClockWidth,
     /// AL status code by which it refused PRE-OP.
     pub refused_pre_op: Option<u16>,
     /// Objects; `None` of a device without CoE, or without PRE-OP.
@@ -156,7 +156,7 @@ pub fn scan<W: Wire>(wire: W, options: Options) -> Result<Vec<Device>, ScanError
     let limit_us = u64::from(SCAN_S) * 1_000_000;
     let overdue = ScanError::Overdue { seconds: SCAN_S };
     let found = pump.run(devices(main, options), limit_us).ok_or(overdue);
-    // Whatever happened, no device is left in PRE-OP.
+    // After an error, too: no device is left in PRE-OP.
     let init = Command::bwr(station::AL_CONTROL)
         .ignore_wkc()
         .send(main, station::ACKNOWLEDGE | station::INIT);

@@ -10,36 +10,27 @@ use std::fmt;
 use gantry_tau_machine::robot_file::AnyRobotFile;
 
 use crate::kind::Kind;
+use crate::log::Log;
 use crate::units::{Model, Unit};
 pub use crate::variable::{Access, Causality};
 use crate::variable::{Values, Variable};
-use time::Clock;
+use time::SimulatedTime;
 
 /// A call that is refused, in one sentence.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct Refused(String);
+pub struct CallRefused(String);
 
-impl Refused {
+impl CallRefused {
     /// Refuses with this sentence.
     pub fn because(reason: impl Into<String>) -> Self {
         Self(reason.into())
     }
 }
 
-impl From<String> for Refused {
+impl From<String> for CallRefused {
     fn from(reason: String) -> Self {
         Self(reason)
-    }
-}
-
-/// Warnings of a step.
-#[derive(Debug, Default)]
-pub struct Log(Vec<String>);
-
-impl Log {
-    pub(crate) fn warn(&mut self, warning: String) {
-        self.0.push(warning);
     }
 }
 
@@ -68,7 +59,7 @@ impl fmt::Display for Mode {
 /// State of a unit that can be restored.
 pub struct Saved {
     mode: Mode,
-    clock: Clock,
+    clock: SimulatedTime,
     values: Values,
     unit: Box<dyn Unit>,
 }
@@ -98,8 +89,8 @@ impl Instance {
     /// Creates the unit of a kind for the machine of a robot file.
     ///
     /// # Errors
-    /// [`Refused`]: the file lacks something, which is named.
-    pub fn new(kind: Kind, robot: AnyRobotFile) -> Result<Self, Refused> {
+    /// [`CallRefused`]: the file lacks something, which is named.
+    pub fn new(kind: Kind, robot: AnyRobotFile) -> Result<Self, CallRefused> {
         let Model {
             unit,
             variables,
@@ -107,7 +98,7 @@ impl Instance {
         } = Model::new(kind, robot)?;
         let fresh = Saved {
             mode: Mode::Instantiated,
-            clock: Clock::default(),
+            clock: SimulatedTime::default(),
             values: Values::starts(&variables),
             unit,
         };
@@ -143,8 +134,8 @@ impl Instance {
     /// Returns the variable of a value reference, if it has this type.
     ///
     /// # Errors
-    /// [`Refused`].
-    pub fn variable(&self, reference: u32, access: Access) -> Result<&Variable, Refused> {
+    /// [`CallRefused`].
+    pub fn variable(&self, reference: u32, access: Access) -> Result<&Variable, CallRefused> {
         let variable = self.known(reference)?;
         if variable.access() == access {
             return Ok(variable);
@@ -153,7 +144,7 @@ impl Instance {
         Err(format!("{}: is {own}, not {access}", variable.name).into())
     }
 
-    fn known(&self, reference: u32) -> Result<&Variable, Refused> {
+    fn known(&self, reference: u32) -> Result<&Variable, CallRefused> {
         let place = usize::try_from(reference).ok();
         place
             .and_then(|place| self.variables.get(place))
@@ -164,7 +155,7 @@ impl Instance {
     }
 
     /// Refuses a call that must not come now.
-    fn expect(&self, call: &str, modes: &[Mode]) -> Result<(), Refused> {
+    fn expect(&self, call: &str, modes: &[Mode]) -> Result<(), CallRefused> {
         let mode = self.now.mode;
         if modes.contains(&mode) {
             return Ok(());
@@ -175,18 +166,18 @@ impl Instance {
     /// Takes the time of the experiment, s.
     ///
     /// # Errors
-    /// [`Refused`]: out of turn; times that are not finite, or an end before the start.
-    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), Refused> {
+    /// [`CallRefused`]: out of turn; times that are not finite, or an end before the start.
+    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallRefused> {
         self.expect("setup of the experiment", &[Mode::Instantiated])?;
-        self.now.clock = Clock::new(start, stop)?;
+        self.now.clock = SimulatedTime::new(start, stop)?;
         Ok(())
     }
 
     /// Begins the initialization.
     ///
     /// # Errors
-    /// [`Refused`]: out of turn.
-    pub fn enter_initialization(&mut self) -> Result<(), Refused> {
+    /// [`CallRefused`]: out of turn.
+    pub fn enter_initialization(&mut self) -> Result<(), CallRefused> {
         self.expect("initialization", &[Mode::Instantiated])?;
         self.now.mode = Mode::Initializing;
         Ok(())
@@ -195,8 +186,8 @@ impl Instance {
     /// Ends the initialization: the unit begins with the values that are set.
     ///
     /// # Errors
-    /// [`Refused`]: out of turn; it cannot begin so.
-    pub fn exit_initialization(&mut self) -> Result<(), Refused> {
+    /// [`CallRefused`]: out of turn; it cannot begin so.
+    pub fn exit_initialization(&mut self) -> Result<(), CallRefused> {
         self.expect("end of the initialization", &[Mode::Initializing])?;
         self.now.unit.begin(&mut self.now.values)?;
         self.now.mode = Mode::Running;
@@ -206,8 +197,8 @@ impl Instance {
     /// Ends the simulation; values can still be read.
     ///
     /// # Errors
-    /// [`Refused`]: out of turn.
-    pub fn terminate(&mut self) -> Result<(), Refused> {
+    /// [`CallRefused`]: out of turn.
+    pub fn terminate(&mut self) -> Result<(), CallRefused> {
         self.expect("end of the simulation", &[Mode::Running])?;
         self.now.mode = Mode::Terminated;
         Ok(())
@@ -221,8 +212,8 @@ impl Instance {
     /// Returns a value. Outputs have one from the initialization on.
     ///
     /// # Errors
-    /// [`Refused`]: out of turn; an unknown reference.
-    pub fn get(&self, reference: u32) -> Result<f64, Refused> {
+    /// [`CallRefused`]: out of turn; an unknown reference.
+    pub fn get(&self, reference: u32) -> Result<f64, CallRefused> {
         let variable = self.known(reference)?;
         if self.now.mode == Mode::Instantiated {
             let mode = self.now.mode;
@@ -231,15 +222,15 @@ impl Instance {
         self.now
             .values
             .at(reference)
-            .ok_or_else(|| Refused::because("a variable has no value"))
+            .ok_or_else(|| CallRefused::because("a variable has no value"))
     }
 
     /// Sets a parameter or an input.
     ///
     /// # Errors
-    /// [`Refused`]: out of turn; an unknown reference; an output; a value that is NaN or out of its
+    /// [`CallRefused`]: out of turn; an unknown reference; an output; a value that is NaN or out of its
     /// range. The sentence names the variable.
-    pub fn set(&mut self, reference: u32, value: f64) -> Result<(), Refused> {
+    pub fn set(&mut self, reference: u32, value: f64) -> Result<(), CallRefused> {
         self.settable(reference, value)?;
         self.now.values.put_at(reference, value);
         Ok(())
@@ -249,7 +240,7 @@ impl Instance {
     ///
     /// # Errors
     /// As [`set`](Self::set).
-    pub fn set_all(&mut self, pairs: &[(u32, f64)]) -> Result<(), Refused> {
+    pub fn set_all(&mut self, pairs: &[(u32, f64)]) -> Result<(), CallRefused> {
         for (reference, value) in pairs {
             self.settable(*reference, *value)?;
         }
@@ -259,7 +250,7 @@ impl Instance {
         Ok(())
     }
 
-    fn settable(&self, reference: u32, value: f64) -> Result<(), Refused> {
+    fn settable(&self, reference: u32, value: f64) -> Result<(), CallRefused> {
         let variable = self.known(reference)?;
         let name = &variable.name;
         let mode = self.now.mode;
@@ -280,10 +271,10 @@ impl Instance {
     /// that are set.
     ///
     /// # Errors
-    /// [`Refused`]: out of turn; a step that is no whole multiple of the cycle, beyond the end or too
+    /// [`CallRefused`]: out of turn; a step that is no whole multiple of the cycle, beyond the end or too
     /// long; another time than that of the unit; a cycle that fails, after which the unit is left
     /// there.
-    pub fn step(&mut self, time: f64, length: f64) -> Result<(), Refused> {
+    pub fn step(&mut self, time: f64, length: f64) -> Result<(), CallRefused> {
         self.expect("step", &[Mode::Running])?;
         let cycles = self.now.clock.cycles(time, length)?;
         for _ in 0..cycles {
@@ -305,7 +296,7 @@ impl Instance {
 
     /// Returns the warnings since the last call.
     pub fn take_warnings(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.log.0)
+        self.log.take()
     }
 
     /// Returns a copy of the state.

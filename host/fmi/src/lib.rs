@@ -47,6 +47,7 @@
 
 pub mod instance;
 pub mod kind;
+mod log;
 pub mod resources;
 mod units;
 pub mod variable;

@@ -1,4 +1,4 @@
-//! What the units compute.
+//! Computations of the units.
 
 mod compensator;
 mod conversions;
@@ -8,8 +8,8 @@ mod server;
 use gantry_tau_machine::model::{F1_MOTORS, L2_MOTORS, MachineKind};
 use gantry_tau_machine::robot_file::{AnyRobotFile, RobotFile};
 
-use crate::instance::Log;
 use crate::kind::Kind;
+use crate::log::Log;
 use crate::variable::{Declarations, Values, Variable};
 
 /// A unit between two cycles.
@@ -63,9 +63,9 @@ impl Model {
         robot.sensor.accelerometer = None;
         let mut declared = Declarations::default();
         let unit: Box<dyn Unit> = match kind {
-            Kind::Server => Box::new(server::Server::new(robot, &mut declared)?),
-            Kind::Machine => Box::new(machine::Machine::<K, N, M>::new(robot, &mut declared)?),
-            Kind::Compensator => Box::new(compensator::Compensator::new(robot, &mut declared)?),
+            Kind::Server => Box::new(server::ServerUnit::new(robot, &mut declared)?),
+            Kind::Machine => Box::new(machine::MachineUnit::<K, N, M>::new(robot, &mut declared)?),
+            Kind::Compensator => Box::new(compensator::CompensatorUnit::new(robot, &mut declared)?),
         };
         let Declarations { variables } = declared;
         let guid = kind.guid(N, &variables);

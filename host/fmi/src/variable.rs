@@ -1,4 +1,4 @@
-//! Variables of a unit. Their value references are their places in the list, whatever their types.
+//! Variables of a unit. Their value references are their places in the list; types do not count.
 
 use std::fmt;
 
@@ -208,7 +208,7 @@ impl Variable {
         Err(text.trim_end().to_owned())
     }
 
-    /// Text that changes with whatever a master must know.
+    /// Text that changes with everything that a master must know.
     pub(crate) fn fingerprint(&self) -> String {
         let domain = match self.domain {
             Domain::Real(unit) => unit.name(),

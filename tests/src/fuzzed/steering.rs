@@ -34,7 +34,7 @@ fn field<const L: usize>(bytes: &[u8], at: usize) -> [u8; L] {
         .unwrap_or([0; L])
 }
 
-/// Bounds that hold whatever the times and delays are.
+/// Bounds that hold for any times and delays.
 fn any_samples(config: SteeringConfig, start_ns: u64, samples: &[u8]) {
     let mut steering = Steering::new(config, start_ns);
     let cycle = i64::from(config.cycle_ns.max(1));

@@ -13,11 +13,11 @@ use super::Outcome;
 #[derive(Debug, Args)]
 pub(crate) struct BusCommand {
     #[command(subcommand)]
-    task: Task,
+    task: BusTask,
 }
 
 #[derive(Debug, Subcommand)]
-enum Task {
+enum BusTask {
     Scan(Scan),
 }
 
@@ -30,7 +30,7 @@ enum Task {
 /// the robot file follows, with ? where you fill in. An object that a device does not have is -;
 /// one for which it gives no answer within a second is "no answer".
 ///
-/// Exit codes: 0 the bus was read, whatever is on it; 1 this program has no EtherCAT; 2 usage; 8
+/// Exit codes: 0 the bus was read, also with nothing usable on it; 1 this program has no EtherCAT; 2 usage; 8
 /// the bus cannot be read.
 #[derive(Debug, Args)]
 struct Scan {
@@ -47,7 +47,7 @@ struct Scan {
 
 impl BusCommand {
     pub(super) fn run(self) -> Outcome {
-        let Task::Scan(scan) = self.task;
+        let BusTask::Scan(scan) = self.task;
         scan.run()
     }
 }

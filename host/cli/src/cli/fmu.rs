@@ -25,7 +25,7 @@ use super::outputs::{InputFile, file};
 pub(crate) struct Fmu {
     #[command(flatten)]
     machine: MachineOption,
-    /// What the unit computes
+    /// Kind of the unit
     #[arg(long)]
     kind: KindChoice,
     /// Library of the units, one per platform (repeatable) [default: that of this computer, beside

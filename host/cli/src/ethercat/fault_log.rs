@@ -9,7 +9,7 @@ const FAULTS: usize = 4_096;
 const REPORTS: usize = 64;
 const CYCLES_PER_REPORT: u32 = 1_000;
 
-/// What is told of the clock of the bus: that the cycle is in phase with it, or not.
+/// News of the clock of the bus: the cycle is in phase with it, or not.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ClockReport {
     is_locked: bool,

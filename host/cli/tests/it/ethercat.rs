@@ -37,6 +37,16 @@ fn serve(folder: &Folder, robot: &str, plant: &str) -> Ended {
     ])
 }
 
+/// Writes a robot file whose drives have clocks. Returns the arguments that serve it on the emulated bus.
+fn serve_with_clocks(folder: &Folder) -> [&'static str; 7] {
+    let section = bus().replace("[ethercat]\n", "[ethercat]\nclocks = \"sync0\"\n");
+    folder.write("bus.toml", &robot(&section));
+    let [option, plant] = ["--plant", "ethercat:emulated"];
+    [
+        "serve", "--robot", "bus.toml", "--listen", FREE, option, plant,
+    ]
+}
+
 /// Without the feature the program says so, for any bus.
 fn assert_built_without(ended: Ended) {
     let said = ended.failure(1);
@@ -169,20 +179,8 @@ fn clocks_that_cannot_be_are_refused_by_their_keys() {
         assert_eq!(ended.code, Some(1), "{key}");
         assert!(ended.stderr.contains(reason), "{key}: {}", ended.stderr);
     }
-    let section = bus().replace("[ethercat]\n", "[ethercat]\nclocks = \"sync0\"\n");
-    folder.write("bus.toml", &robot(&section));
-    let arguments = [
-        "serve",
-        "--robot",
-        "bus.toml",
-        "--listen",
-        FREE,
-        "--pace",
-        "lockstep",
-        "--plant",
-        "ethercat:emulated",
-    ];
-    let ended = folder.run(&arguments);
+    let lockstep = [&serve_with_clocks(&folder)[..], &["--pace", "lockstep"]].concat();
+    let ended = folder.run(&lockstep);
     if !HAS_ETHERCAT {
         return assert_built_without(ended);
     }
@@ -199,18 +197,7 @@ fn an_emulated_bus_with_clocks_is_served_in_phase() {
         return;
     }
     let folder = Folder::new("ethercat-sync0");
-    let section = bus().replace("[ethercat]\n", "[ethercat]\nclocks = \"sync0\"\n");
-    folder.write("bus.toml", &robot(&section));
-    let arguments = [
-        "serve",
-        "--robot",
-        "bus.toml",
-        "--listen",
-        FREE,
-        "--plant",
-        "ethercat:emulated",
-    ];
-    let mut server = folder.start_with("serve", &arguments, Stdio::piped());
+    let mut server = folder.start_with("serve", &serve_with_clocks(&folder), Stdio::piped());
     server.await_words("EtherCAT: the cycle is in phase with SYNC0");
     server.write("quit\n");
     assert!(server.end().success().contains("ended"));

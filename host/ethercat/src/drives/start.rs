@@ -3,7 +3,7 @@
 use super::{Condition, Drives, Group};
 use crate::cia402::{Input, Target};
 use crate::fault::Fault;
-use crate::pace::Pace;
+use crate::steered_cycle::SteeredCycle;
 use crate::wire::Wire;
 
 /// Cycles for the cycle to come into phase with SYNC0.
@@ -45,15 +45,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     fn rest(&mut self) {
         let cycle_us = u64::from(self.settings.cycle_us);
         let wire = &mut self.pump.wire;
-        let next_us = match &mut self.pace {
+        let next_us = match &mut self.steered {
             None => wire.now_us().saturating_add(cycle_us),
-            Some(pace) if wire.makes_cycles() => {
+            Some(steered) if wire.makes_cycles() => {
                 wire.begin_cycles(1, cycle_us);
-                return pace.begin_in_time(wire.now_ns());
+                return steered.begin_in_time(wire.now_ns());
             }
-            Some(pace) => {
-                let next_ns = pace.upcoming_ns(wire.now_ns());
-                pace.begin_in_time(next_ns);
+            Some(steered) => {
+                let next_ns = steered.upcoming_ns(wire.now_ns());
+                steered.begin_in_time(next_ns);
                 next_ns.div_ceil(1_000)
             }
         };
@@ -68,15 +68,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     fn come_into_phase(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
         let mut is_aligned = false;
         for _ in 0..LOCK_CYCLES {
-            if self.pace.is_none() {
+            if self.steered.is_none() {
                 return Ok(());
             }
             self.rest();
             // A lost frame is a sample less.
             let _exchanged = self.exchange(&[0; M], targets);
             // The first shift is a whole one: nothing follows SYNC0 yet.
-            let pace = self.pace.as_mut().filter(|_| !is_aligned);
-            if let Some(shift_ns) = pace.and_then(Pace::align) {
+            let steered = self.steered.as_mut().filter(|_| !is_aligned);
+            if let Some(shift_ns) = steered.and_then(SteeredCycle::align) {
                 self.pump.wire.shift_cycles(shift_ns);
                 is_aligned = true;
             }

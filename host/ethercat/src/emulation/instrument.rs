@@ -4,11 +4,12 @@ mod encoder;
 mod force;
 mod pdo_choice;
 mod plain;
+mod terminal_objects;
 
 use super::device::{Device, MAX_PROCESS_DATA};
 use super::sii::Sii;
-pub use encoder::{Encoder, EncoderModel};
-pub use force::{ForceSensor, ForceUnits};
+pub use encoder::{EncoderModel, EncoderTerminal};
+pub use force::{ForceTerminal, ForceUnits};
 pub use plain::Plain;
 
 /// A device that moves nothing.
@@ -17,9 +18,9 @@ pub enum Instrument {
     /// A coupler, or a device of which nothing but its EEPROM is emulated.
     Plain(Plain),
     /// A terminal that counts the edges of a length gauge.
-    Encoder(Encoder),
+    Encoder(EncoderTerminal),
     /// A force sensor.
-    Force(ForceSensor),
+    Force(ForceTerminal),
 }
 
 impl Instrument {

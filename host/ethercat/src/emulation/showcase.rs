@@ -2,7 +2,9 @@
 
 use super::distributed_clock::ClockSetup;
 use super::drive::{Drive, DriveSetup};
-use super::instrument::{Encoder, EncoderModel, ForceSensor, ForceUnits, Instrument, Plain};
+use super::instrument::{
+    EncoderModel, EncoderTerminal, ForceTerminal, ForceUnits, Instrument, Plain,
+};
 use super::sii::Identity;
 use super::slots::Node;
 use super::subdevice::SubDevice;
@@ -16,7 +18,7 @@ const VENDOR: u32 = 0x0000_0A11;
 pub fn one_of_every_kind() -> Vec<Node> {
     let instrument = |device| Node::Instrument(SubDevice::of(device));
     let encoder = |model| {
-        let device = Instrument::Encoder(Encoder::new(model));
+        let device = Instrument::Encoder(EncoderTerminal::new(model));
         Node::Instrument(SubDevice::of(device).with_clock(ClockSetup::default()))
     };
     let drive = |product, missing: &[u16]| {
@@ -48,8 +50,8 @@ pub fn one_of_every_kind() -> Vec<Node> {
         instrument(Instrument::Plain(Plain::coupler())),
         encoder(EncoderModel::El5101),
         encoder(EncoderModel::El5101Old),
-        instrument(Instrument::Force(ForceSensor::new(
-            ForceSensor::IDENTITY,
+        instrument(Instrument::Force(ForceTerminal::new(
+            ForceTerminal::IDENTITY,
             units,
         ))),
         Node::Drive(

@@ -13,7 +13,7 @@ pub enum Node {
     Instrument(SubDevice<Instrument>),
 }
 
-/// What a chain does to any of its SubDevices.
+/// Operations of a chain on any of its SubDevices.
 pub(super) trait Controller {
     fn answers_to(&self, address: u16) -> bool;
     fn read(&mut self, address: u16, data: &mut [u8]) -> bool;

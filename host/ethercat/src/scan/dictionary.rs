@@ -37,7 +37,7 @@ impl Answer {
     }
 }
 
-/// What a PDO mapping did when it was written with what it held.
+/// Answer of a PDO mapping to a write of what it held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {
     /// It takes a write.
@@ -63,7 +63,7 @@ pub struct Dictionary {
     pub turns: Answer,
     /// PDOs assigned by 1C12h and 1C13h.
     pub assigned: [Vec<u16>; 2],
-    /// What 1600h and 1A00h did when they were written; `None` without being asked for.
+    /// Answers of 1600h and 1A00h to such a write; `None` without being asked for.
     pub mapping: Option<[Mapping; 2]>,
 }
 
@@ -197,7 +197,7 @@ async fn try_mapping(
             None => return Ok(Mapping::Silent),
         }
     }
-    // The assignment is given back whatever the mapping did.
+    // The assignment is given back after a refused mapping as well.
     for (sub, object) in (1_u8..).zip(assigned) {
         mailbox
             .download(assignment, sub, (*object).into(), 2)

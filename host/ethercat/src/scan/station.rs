@@ -3,7 +3,7 @@
 use ethercrab::error::Error;
 use ethercrab::{Command, MainDevice};
 
-use super::{Clock, ScanError};
+use super::{ClockWidth, ScanError};
 use crate::clock;
 
 /// Registers; ETG1000.4.
@@ -136,12 +136,12 @@ impl Station {
     }
 
     /// Returns the kind of the distributed clock.
-    pub(super) async fn clock(&self) -> Result<Clock, ScanError> {
+    pub(super) async fn clock(&self) -> Result<ClockWidth, ScanError> {
         let features = self.word(FEATURES).await?;
         Ok(match (features & 0x04 != 0, features & 0x08 != 0) {
-            (false, _) => Clock::None,
-            (true, false) => Clock::Bits32,
-            (true, true) => Clock::Bits64,
+            (false, _) => ClockWidth::None,
+            (true, false) => ClockWidth::Bits32,
+            (true, true) => ClockWidth::Bits64,
         })
     }
 

@@ -1,4 +1,4 @@
-//! What the server can do with a device.
+//! Use that the server has for a device.
 
 use std::fmt;
 

@@ -85,8 +85,8 @@ fn set_drift(wire: &Wire, drift_ppb: i32) {
 const LONG: usize = 120_000;
 const SETTLED: usize = 600;
 
-/// Every interval has exactly one frame, and the phase stays within 5 µs on an ideal wire, whatever
-/// the drift of the reference against the computer.
+/// Every interval has exactly one frame, and the phase stays within 5 µs on an ideal wire, at
+/// any drift of the reference against the computer.
 #[test]
 fn every_interval_of_sync0_has_one_frame_at_any_drift() {
     for ppm in [0, 20, -20, 100, -100, 400, -400] {
@@ -133,7 +133,7 @@ fn run_late(server: &mut Server<3>, is_steered: bool) -> Vec<i64> {
     phases
 }
 
-/// Drives of 20 ppm that stay in OP whatever comes, with a jitter: steered, no interval is lost;
+/// Drives of 20 ppm that stay in OP without data, with a jitter: steered, no interval is lost;
 /// without the correction, many are.
 #[test]
 fn with_jitter_the_steering_makes_the_difference() {

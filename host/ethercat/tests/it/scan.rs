@@ -1,11 +1,11 @@
 //! Lists of devices, and what a scan leaves as it was.
 
 use gantry_tau_ethercat::emulation::{
-    Chain, EmulatedWire, Encoder, EncoderModel, Instrument, Kinematic, Node, SubDevice,
+    Chain, EmulatedWire, EncoderModel, EncoderTerminal, Instrument, Kinematic, Node, SubDevice,
     one_of_every_kind,
 };
 use gantry_tau_ethercat::scan::{
-    Answer, Clock, Device, Mapping, Options, ScanError, Verdict, scan,
+    Answer, ClockWidth, Device, Mapping, Options, ScanError, Verdict, scan,
 };
 
 use crate::bench::{Wire, setups, wire};
@@ -56,9 +56,9 @@ fn every_kind_of_device_is_told_apart() {
     );
     assert_eq!(
         (drive.revision, drive.serial, drive.clock),
-        (1, 102, Clock::Bits64)
+        (1, 102, ClockWidth::Bits64)
     );
-    assert_eq!(devices[0].clock, Clock::None);
+    assert_eq!(devices[0].clock, ClockWidth::None);
     let objects = drive.dictionary.as_ref().unwrap();
     assert_eq!(objects.modes, Answer::Value(0x80));
     assert_eq!(objects.synchronisation, [Answer::Value(0x0804); 2]);
@@ -146,7 +146,7 @@ fn a_mute_device_and_one_with_an_emergency_do_not_end_the_scan() {
 
 #[test]
 fn a_sensor_of_another_vendor_is_unknown() {
-    use gantry_tau_ethercat::emulation::{ForceSensor, ForceUnits, Identity};
+    use gantry_tau_ethercat::emulation::{ForceTerminal, ForceUnits, Identity};
     let units = ForceUnits {
         force: 2,
         torque: 3,
@@ -155,9 +155,9 @@ fn a_sensor_of_another_vendor_is_unknown() {
     };
     let identity = Identity {
         vendor: 0x0666,
-        ..ForceSensor::IDENTITY
+        ..ForceTerminal::IDENTITY
     };
-    let sensor = Instrument::Force(ForceSensor::new(identity, units));
+    let sensor = Instrument::Force(ForceTerminal::new(identity, units));
     let chain = Chain::of(vec![Node::Instrument(SubDevice::of(sensor))], Kinematic);
     let devices = scanned(&EmulatedWire::new(chain));
     assert_eq!(verdicts(&devices), [Verdict::Unknown]);
@@ -183,7 +183,7 @@ fn a_drive_without_the_mode_or_a_needed_object_is_not_drivable() {
 #[test]
 fn more_devices_than_a_server_drives_are_listed_and_an_empty_bus_is_silent() {
     let terminal = || {
-        let device = Instrument::Encoder(Encoder::new(EncoderModel::El5151));
+        let device = Instrument::Encoder(EncoderTerminal::new(EncoderModel::El5151));
         Node::Instrument(SubDevice::of(device))
     };
     let chain = Chain::of((0..40).map(|_| terminal()).collect(), Kinematic);

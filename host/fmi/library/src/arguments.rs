@@ -1,4 +1,4 @@
-//! What a master points to. Null, misaligned and endless arguments are refused.
+//! Arguments behind pointers. Null, misaligned and endless ones are refused.
 
 use std::ffi::CStr;
 

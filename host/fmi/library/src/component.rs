@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gantry_tau_fmi::instance::{Instance, Refused, Saved};
+use gantry_tau_fmi::instance::{CallRefused, Instance, Saved};
 use gantry_tau_fmi::kind::Kind;
 use gantry_tau_fmi::resources::{ROBOT_FILE, folder};
 use gantry_tau_machine::robot_file::AnyRobotFile;
 
 use crate::logger::Logger;
-use crate::registry::fresh_number;
+use crate::numbers::fresh_number;
 
 /// A component.
 pub(crate) struct Component {
@@ -57,14 +57,14 @@ impl Component {
     }
 
     /// Goes on from a saved state.
-    pub(crate) fn restore(&mut self, number: usize) -> Result<(), Refused> {
+    pub(crate) fn restore(&mut self, number: usize) -> Result<(), CallRefused> {
         let saved = self.states.get(&number).ok_or_else(unknown_state)?;
         self.instance.restore(saved);
         Ok(())
     }
 
     /// Frees a saved state.
-    pub(crate) fn forget(&mut self, number: usize) -> Result<(), Refused> {
+    pub(crate) fn forget(&mut self, number: usize) -> Result<(), CallRefused> {
         let forgotten = self.states.remove(&number);
         forgotten.map(drop).ok_or_else(unknown_state)
     }
@@ -74,6 +74,6 @@ fn read(path: &Path) -> Result<AnyRobotFile, String> {
     AnyRobotFile::load(path).map_err(|error| error.to_string())
 }
 
-fn unknown_state() -> Refused {
-    Refused::because("the state is unknown: freed, or not one of this component")
+fn unknown_state() -> CallRefused {
+    CallRefused::because("the state is unknown: freed, or not one of this component")
 }

@@ -12,6 +12,7 @@ mod component;
 mod inquiry;
 mod lifecycle;
 mod logger;
+mod numbers;
 mod registry;
 mod states;
 mod steps;

@@ -2,7 +2,7 @@
 
 use std::ffi::c_int;
 
-use gantry_tau_fmi::instance::Refused;
+use gantry_tau_fmi::instance::CallRefused;
 
 use crate::arguments::{one, text};
 use crate::component::Component;
@@ -107,7 +107,7 @@ pub(crate) extern "C" fn fmi2Terminate(component: fmi2Component) -> fmi2Status {
 /// Returns to where the component was when it was created. Saved states stay.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn fmi2Reset(component: fmi2Component) -> fmi2Status {
-    call(component, |component| -> Result<(), Refused> {
+    call(component, |component| -> Result<(), CallRefused> {
         component.instance.reset();
         Ok(())
     })

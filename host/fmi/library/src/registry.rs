@@ -2,25 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use gantry_tau_fmi::instance::Refused;
+use gantry_tau_fmi::instance::CallRefused;
 
 use crate::component::Component;
 use crate::logger::Logger;
+use crate::numbers::fresh_number;
 use crate::types::{fmi2Component, fmi2Status};
 
 /// A component that may be in use by one thread.
 type Shared = Arc<Mutex<Component>>;
 
 static COMPONENTS: Mutex<BTreeMap<usize, Shared>> = Mutex::new(BTreeMap::new());
-static NUMBERS: AtomicUsize = AtomicUsize::new(1);
-
-/// Returns a number that no component and no state has had.
-pub(crate) fn fresh_number() -> usize {
-    NUMBERS.fetch_add(1, Ordering::Relaxed)
-}
 
 /// Keeps a component. Returns what the master knows it by.
 pub(crate) fn keep(component: Component) -> fmi2Component {
@@ -47,7 +41,7 @@ fn find(component: fmi2Component) -> Option<Shared> {
 /// it.
 pub(crate) fn call(
     component: fmi2Component,
-    body: impl FnOnce(&mut Component) -> Result<(), Refused>,
+    body: impl FnOnce(&mut Component) -> Result<(), CallRefused>,
 ) -> fmi2Status {
     let Some(shared) = find(component) else {
         return fmi2Status::Error;
@@ -68,7 +62,7 @@ type Said = Vec<(fmi2Status, String)>;
 
 fn called(
     component: &mut Component,
-    body: impl FnOnce(&mut Component) -> Result<(), Refused>,
+    body: impl FnOnce(&mut Component) -> Result<(), CallRefused>,
 ) -> (fmi2Status, Said) {
     if component.is_lost {
         let sentence = "the component is lost after a defect of this library; free it";

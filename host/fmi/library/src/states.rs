@@ -1,6 +1,6 @@
 //! Saved states.
 
-use gantry_tau_fmi::instance::Refused;
+use gantry_tau_fmi::instance::CallRefused;
 
 use crate::arguments::{fill, one};
 use crate::registry::call;
@@ -58,7 +58,7 @@ pub(crate) unsafe extern "C" fn fmi2FreeFMUstate(
 
 fn not_serialized(component: fmi2Component) -> fmi2Status {
     call(component, |_| {
-        Err(Refused::because(
+        Err(CallRefused::because(
             "states cannot be serialized (canSerializeFMUstate)",
         ))
     })

@@ -2,7 +2,7 @@
 
 use std::ffi::c_int;
 
-use gantry_tau_fmi::instance::Refused;
+use gantry_tau_fmi::instance::CallRefused;
 
 use crate::arguments::fill;
 use crate::registry::call;
@@ -26,7 +26,7 @@ pub(crate) extern "C" fn fmi2DoStep(
 }
 
 fn refuse(component: fmi2Component, reason: &str) -> fmi2Status {
-    call(component, |_| Err(Refused::because(reason)))
+    call(component, |_| Err(CallRefused::because(reason)))
 }
 
 /// No step is ever under way.
@@ -94,7 +94,9 @@ pub(crate) unsafe extern "C" fn fmi2GetRealStatus(
 ) -> fmi2Status {
     call(component, |component| {
         if kind != LAST_SUCCESSFUL_TIME {
-            return Err(Refused::because("status: expected fmi2LastSuccessfulTime"));
+            return Err(CallRefused::because(
+                "status: expected fmi2LastSuccessfulTime",
+            ));
         }
         // SAFETY: the caller's promise.
         Ok(unsafe { fill("value", value, &[component.instance.time()]) }?)

@@ -31,7 +31,7 @@ pub(crate) enum fmi2Status {
     Ok = 0,
     /// Done, and the logger was told something.
     Warning = 1,
-    /// Refused, or failed; the logger was told the reason.
+    /// CallRefused, or failed; the logger was told the reason.
     Error = 3,
     /// The component cannot be used any more.
     Fatal = 4,

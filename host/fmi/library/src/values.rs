@@ -1,6 +1,6 @@
 //! Values of variables.
 
-use gantry_tau_fmi::instance::{Access, Refused};
+use gantry_tau_fmi::instance::{Access, CallRefused};
 
 use crate::arguments::{array, fill};
 use crate::component::Component;
@@ -77,7 +77,7 @@ unsafe fn get<T: Passed>(
     references: *const fmi2ValueReference,
     count: usize,
     values: *mut T,
-) -> Result<(), Refused> {
+) -> Result<(), CallRefused> {
     // SAFETY: the caller's promise.
     let references = unsafe { array("value references", references, count) }?;
     let instance = &component.instance;
@@ -88,7 +88,7 @@ unsafe fn get<T: Passed>(
     let found: Vec<T> = references
         .iter()
         .map(read)
-        .collect::<Result<_, Refused>>()?;
+        .collect::<Result<_, CallRefused>>()?;
     // SAFETY: the caller's promise.
     Ok(unsafe { fill("values", values, &found) }?)
 }
@@ -100,7 +100,7 @@ unsafe fn set<T: Passed>(
     references: *const fmi2ValueReference,
     count: usize,
     values: *const T,
-) -> Result<(), Refused> {
+) -> Result<(), CallRefused> {
     // SAFETY: the caller's promise.
     let references = unsafe { array("value references", references, count) }?;
     // SAFETY: the caller's promise.
@@ -162,7 +162,7 @@ access!(fmi2GetBoolean, fmi2SetBoolean, fmi2Boolean as Truth);
 fn strings(component: fmi2Component, count: usize) -> fmi2Status {
     call(component, |_| match count {
         0 => Ok(()),
-        _ => Err(Refused::because("no variable is a String")),
+        _ => Err(CallRefused::because("no variable is a String")),
     })
 }
 

@@ -15,13 +15,13 @@ const MAX_TIME_S: f64 = 1e9;
 
 /// Time of a unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Clock {
+pub(super) struct SimulatedTime {
     start_s: f64,
     stop_s: Option<f64>,
     cycles: u64,
 }
 
-impl Clock {
+impl SimulatedTime {
     pub(super) fn new(start_s: f64, stop_s: Option<f64>) -> Result<Self, String> {
         let range = -MAX_TIME_S..=MAX_TIME_S;
         if !range.contains(&start_s) {
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn whole_multiples_are_steps_and_nothing_else_is() {
-        let clock = Clock::new(0.0, None).unwrap();
+        let clock = SimulatedTime::new(0.0, None).unwrap();
         for (length, cycles) in [
             (0.001, 1),
             (0.002, 2),
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn a_step_begins_where_the_last_one_ended() {
-        let mut clock = Clock::new(5.0, Some(6.0)).unwrap();
+        let mut clock = SimulatedTime::new(5.0, Some(6.0)).unwrap();
         let mut time = 5.0;
         for _ in 0..1_000 {
             assert_eq!(clock.cycles(time, 0.001), Ok(1));
@@ -130,7 +130,7 @@ mod tests {
             (2.0, Some(1.0)),
             (0.0, Some(f64::NAN)),
         ] {
-            assert!(Clock::new(start, stop).is_err(), "{start} {stop:?}");
+            assert!(SimulatedTime::new(start, stop).is_err(), "{start} {stop:?}");
         }
     }
 }

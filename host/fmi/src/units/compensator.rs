@@ -12,13 +12,13 @@ use gantry_tau_machine::robot_file::{CYCLE_US, RobotFile};
 use super::Unit;
 use super::conversions::{corrected, home_m, positions, share};
 use super::server::{ForceInputs, LoadOutputs, largest_offsets_m, nominal_inputs};
-use crate::instance::Log;
+use crate::log::Log;
 use crate::variable::Causality::Output;
 use crate::variable::{Declarations, Domain, Group, Unit as UnitOf, Values};
 
 /// Variables.
 #[derive(Clone, Copy)]
-struct Ports<const N: usize> {
+struct CompensatorPorts<const N: usize> {
     sample: ForceInputs,
     nominal: Group<N>,
     target: Group<N>,
@@ -31,19 +31,19 @@ struct Ports<const N: usize> {
 
 /// The unit.
 #[derive(Clone)]
-pub(super) struct Compensator<K, const N: usize> {
+pub(super) struct CompensatorUnit<K, const N: usize> {
     robot: Arc<RobotFile<K, N>>,
-    ports: Ports<N>,
+    ports: CompensatorPorts<N>,
     running: Option<(Compensation<N>, Tick)>,
 }
 
-impl<K: MachineKind<N>, const N: usize> Compensator<K, N> {
+impl<K: MachineKind<N>, const N: usize> CompensatorUnit<K, N> {
     pub(super) fn new(robot: RobotFile<K, N>, declared: &mut Declarations) -> Result<Self, String> {
         let most_m = largest_offsets_m(&robot);
         let sample = ForceInputs::declare(declared);
         let nominal = nominal_inputs(declared, home_m(&robot)?);
         let unit = Self {
-            ports: Ports {
+            ports: CompensatorPorts {
                 sample,
                 nominal,
                 target: declared.add(
@@ -104,7 +104,7 @@ impl<K: MachineKind<N>, const N: usize> Compensator<K, N> {
     }
 }
 
-impl<K: MachineKind<N>, const N: usize> Unit for Compensator<K, N> {
+impl<K: MachineKind<N>, const N: usize> Unit for CompensatorUnit<K, N> {
     fn begin(&mut self, _: &mut Values) -> Result<(), String> {
         self.running = Some((self.built()?, Tick(0)));
         Ok(())

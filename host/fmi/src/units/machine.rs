@@ -17,7 +17,7 @@ use super::conversions::{
     MAX_FORCE_N, MAX_OFFSET_M, MAX_POSITION_M, MAX_TORQUE, MAX_VELOCITY_M_PER_S, home_m, metres,
     metres_per_s, offset, positions, share, torque, velocity,
 };
-use crate::instance::Log;
+use crate::log::Log;
 use crate::variable::Causality::{Input, Output, Parameter};
 use crate::variable::{Declarations, Domain, Group, Unit as UnitOf, Values};
 
@@ -28,7 +28,7 @@ const MOTION: (f64, f64, u32) = (0.02, 0.5, 500);
 
 /// Variables.
 #[derive(Clone, Copy)]
-struct Ports<const N: usize> {
+struct MachinePorts<const N: usize> {
     reference: Group<N>,
     offset: Group<N>,
     velocity_offset: Group<N>,
@@ -50,7 +50,7 @@ struct Ports<const N: usize> {
     ok: Group<1>,
 }
 
-impl<const N: usize> Ports<N> {
+impl<const N: usize> MachinePorts<N> {
     fn declare(declared: &mut Declarations, home_m: [f64; N]) -> Self {
         let at_home = home_m.map(|home_m| ([-MAX_POSITION_M, MAX_POSITION_M], home_m));
         let real = Domain::Real;
@@ -196,12 +196,12 @@ impl<const N: usize> Ports<N> {
 }
 
 /// A machine in use.
-struct Running<const N: usize, const M: usize> {
+struct RunningMachine<const N: usize, const M: usize> {
     machine: SimulatedMachine<N, M>,
     hand: LoadGenerator,
 }
 
-impl<const N: usize, const M: usize> Clone for Running<N, M> {
+impl<const N: usize, const M: usize> Clone for RunningMachine<N, M> {
     fn clone(&self) -> Self {
         let machine = self.machine.clone();
         let hand = machine.load_generator();
@@ -211,14 +211,14 @@ impl<const N: usize, const M: usize> Clone for Running<N, M> {
 
 /// The unit.
 #[derive(Clone)]
-pub(super) struct Machine<K, const N: usize, const M: usize> {
+pub(super) struct MachineUnit<K, const N: usize, const M: usize> {
     robot: Arc<RobotFile<K, N>>,
     motors: MotorMap<N, M>,
-    ports: Ports<N>,
-    running: Option<Running<N, M>>,
+    ports: MachinePorts<N>,
+    running: Option<RunningMachine<N, M>>,
 }
 
-impl<K: MachineKind<N>, const N: usize, const M: usize> Machine<K, N, M> {
+impl<K: MachineKind<N>, const N: usize, const M: usize> MachineUnit<K, N, M> {
     pub(super) fn new(robot: RobotFile<K, N>, declared: &mut Declarations) -> Result<Self, String> {
         let motors = robot.motor_map().map_err(|error| error.to_string())?;
         robot
@@ -226,7 +226,7 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> Machine<K, N, M> {
             .map_err(|error| error.to_string())?;
         Ok(Self {
             motors,
-            ports: Ports::declare(declared, home_m(&robot)?),
+            ports: MachinePorts::declare(declared, home_m(&robot)?),
             robot: Arc::new(robot),
             running: None,
         })
@@ -294,7 +294,7 @@ const fn parts_of(reference: PositionNm, offset: OffsetNm) -> InForce {
     }
 }
 
-impl<const N: usize> Ports<N> {
+impl<const N: usize> MachinePorts<N> {
     fn show(&self, reading: &Reading<N>, values: &mut Values) {
         values.put(self.nominal, metres(reading.nominal));
         values.put(
@@ -315,7 +315,7 @@ impl<const N: usize> Ports<N> {
     }
 }
 
-impl<const N: usize, const M: usize> Running<N, M> {
+impl<const N: usize, const M: usize> RunningMachine<N, M> {
     fn load(&mut self, force_n: [f64; 3], moment_nm: [f64; 3]) -> Result<(), String> {
         let load = Load {
             step: 0,
@@ -326,12 +326,12 @@ impl<const N: usize, const M: usize> Running<N, M> {
     }
 }
 
-impl<K: MachineKind<N>, const N: usize, const M: usize> Unit for Machine<K, N, M> {
+impl<K: MachineKind<N>, const N: usize, const M: usize> Unit for MachineUnit<K, N, M> {
     /// A server reads its machine before it listens, and once more in its first tick.
     fn begin(&mut self, values: &mut Values) -> Result<(), String> {
         let machine = self.built(values)?;
         let hand = machine.load_generator();
-        let mut running = Running { machine, hand };
+        let mut running = RunningMachine { machine, hand };
         let ports = &self.ports;
         running.load(values.get(ports.load_force), values.get(ports.load_moment))?;
         let mut read = || running.machine.read(1).map_err(|error| error.to_string());

@@ -15,17 +15,17 @@ use gantry_tau_machine::robot_file::RobotFile;
 
 use super::Unit;
 use super::conversions::{home_m, positions};
-use crate::instance::Log;
+use crate::log::Log;
 use crate::variable::{Declarations, Values};
-use client::{Client, Wishes};
-use ports::Ports;
+use client::{UnitClient, Wishes};
+use ports::ServerPorts;
 pub(super) use ports::{ForceInputs, LoadOutputs, largest_offsets_m, nominal_inputs};
 
 /// A server in use.
 #[derive(Clone)]
-struct Running<const N: usize> {
+struct RunningServer<const N: usize> {
     endpoint: Box<Endpoint<N>>,
-    client: Option<Client<N>>,
+    client: Option<UnitClient<N>>,
     /// The cable was in, in the cycle before.
     was_connected: bool,
     /// A client waits for a server that listens.
@@ -34,14 +34,14 @@ struct Running<const N: usize> {
 
 /// The unit.
 #[derive(Clone)]
-pub(super) struct Server<K, const N: usize> {
+pub(super) struct ServerUnit<K, const N: usize> {
     robot: Arc<RobotFile<K, N>>,
     margin: HomeMargin,
-    ports: Ports<N>,
-    running: Option<Running<N>>,
+    ports: ServerPorts<N>,
+    running: Option<RunningServer<N>>,
 }
 
-impl<K: MachineKind<N>, const N: usize> Server<K, N> {
+impl<K: MachineKind<N>, const N: usize> ServerUnit<K, N> {
     pub(super) fn new(robot: RobotFile<K, N>, declared: &mut Declarations) -> Result<Self, String> {
         robot
             .compliances_for("the compensation needs compliances")
@@ -51,14 +51,14 @@ impl<K: MachineKind<N>, const N: usize> Server<K, N> {
             .map_err(|error| error.to_string())?;
         Ok(Self {
             margin: HomeMargin::of(&robot),
-            ports: Ports::declare(declared, &robot, home_m(&robot)?),
+            ports: ServerPorts::declare(declared, &robot, home_m(&robot)?),
             robot: Arc::new(robot),
             running: None,
         })
     }
 }
 
-impl<K: MachineKind<N>, const N: usize> Unit for Server<K, N> {
+impl<K: MachineKind<N>, const N: usize> Unit for ServerUnit<K, N> {
     /// The drives stand at the nominal positions, without offsets.
     fn begin(&mut self, values: &mut Values) -> Result<(), String> {
         let obtains = values.is_set(self.ports.obtain);
@@ -75,7 +75,7 @@ impl<K: MachineKind<N>, const N: usize> Unit for Server<K, N> {
         let nominal = positions(values.get(self.ports.nominal));
         let session = Session::new(config, &Start::at_rest(nominal))
             .map_err(|error| format!("the session cannot start: {error}"))?;
-        self.running = Some(Running {
+        self.running = Some(RunningServer {
             endpoint: Box::new(Endpoint::new(session, EpochRange::VOLATILE)),
             client: None,
             was_connected: false,
@@ -104,7 +104,7 @@ impl<K: MachineKind<N>, const N: usize> Unit for Server<K, N> {
         running.exchange(cable.then_some(&wishes), log);
         let state = running.tick(ports, values)?;
         running.hand_out();
-        let controller = running.client.as_ref().and_then(Client::controller);
+        let controller = running.client.as_ref().and_then(UnitClient::controller);
         ports.show_client(controller, values);
         ports.show_state(&state, values);
         Ok(())
@@ -115,7 +115,7 @@ impl<K: MachineKind<N>, const N: usize> Unit for Server<K, N> {
     }
 }
 
-impl<const N: usize> Running<N> {
+impl<const N: usize> RunningServer<N> {
     /// A client begins when the cable is put in, as soon as the server listens, unless its session
     /// still runs. One whose session has ended does not begin again by itself: it would tare its sensor
     /// under a load.
@@ -133,7 +133,7 @@ impl<const N: usize> Running<N> {
         }
         self.waits &= cable;
         if self.waits && session.phase() == Phase::Listening {
-            self.client = Client::connect(&mut self.endpoint, kinematics_checksum);
+            self.client = UnitClient::connect(&mut self.endpoint, kinematics_checksum);
             self.waits = self.client.is_none();
         }
     }
@@ -167,7 +167,7 @@ impl<const N: usize> Running<N> {
     }
 
     /// Runs one tick, as the server's cycle does, and takes its references to the outputs.
-    fn tick(&mut self, ports: &Ports<N>, values: &mut Values) -> Result<State<N>, String> {
+    fn tick(&mut self, ports: &ServerPorts<N>, values: &mut Values) -> Result<State<N>, String> {
         let is_read = values.is_set(ports.machine_ok);
         let nominal = positions(values.get(ports.nominal));
         let sensor = WrenchSample::from_si(&ports.sample.read(values), 0);

@@ -8,7 +8,7 @@ use gantry_tau_sim::load_generator::Load;
 /// Length of a cycle, s.
 pub(crate) const CYCLE_S: f64 = 1e-3;
 
-/// What a tick ends with.
+/// End of a tick.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Row {
     pub(crate) phase: Phase,

@@ -1,4 +1,4 @@
-//! What a master must not do, in one sentence each; the unit goes on.
+//! Mistakes of a master: one sentence each, and the unit goes on.
 
 use gantry_tau_fmi::instance::{Access, Causality, Instance};
 use gantry_tau_fmi::kind::Kind;
@@ -14,7 +14,7 @@ fn unit(kind: Kind) -> Instance {
     Instance::new(kind, l2()).unwrap()
 }
 
-fn refused<T>(result: Result<T, gantry_tau_fmi::instance::Refused>) -> String {
+fn refused<T>(result: Result<T, gantry_tau_fmi::instance::CallRefused>) -> String {
     match result {
         Err(refused) => refused.to_string(),
         Ok(_) => panic!("taken"),

@@ -64,23 +64,7 @@ fn built() -> &'static (PathBuf, PathBuf) {
     static BUILT: OnceLock<(PathBuf, PathBuf)> = OnceLock::new();
     BUILT.get_or_init(|| {
         let program = program::build();
-        let profile = program.parent().unwrap();
-        let is_debug = profile.ends_with("debug");
-        let status = Command::new(env!("CARGO"))
-            .args([
-                "build",
-                "--quiet",
-                "--locked",
-                "-p",
-                "gantry-tau-fmi-library",
-            ])
-            .args(["--profile", if is_debug { "dev" } else { "release" }])
-            .arg("--target-dir")
-            .arg(profile.parent().unwrap())
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .status()
-            .unwrap();
-        assert!(status.success());
+        let profile = program::cargo(&["build", "-p", "gantry-tau-fmi-library"], "dev");
         let library = profile.join(format!(
             "{}gantry_tau_fmu{}",
             std::env::consts::DLL_PREFIX,

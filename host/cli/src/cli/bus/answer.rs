@@ -1,7 +1,7 @@
 //! Devices of a bus as one line of JSON.
 
 use gantry_tau_ethercat::scan::{
-    Answer, Clock, Device, Dictionary, FIRST_AXIS, Mapping, SECOND_AXIS,
+    Answer, ClockWidth, Device, Dictionary, FIRST_AXIS, Mapping, SECOND_AXIS,
 };
 use serde_json::{Map, Value, json};
 
@@ -27,9 +27,9 @@ fn of_device(device: &Device) -> Value {
         "serial": device.serial,
         "protocols": protocols,
         "clock_bits": match device.clock {
-            Clock::None => 0,
-            Clock::Bits32 => 32,
-            Clock::Bits64 => 64,
+            ClockWidth::None => 0,
+            ClockWidth::Bits32 => 32,
+            ClockWidth::Bits64 => 64,
         },
         "refused_pre_op": device.refused_pre_op,
         "emergencies": device.emergencies,

@@ -1,7 +1,7 @@
 //! Devices of a bus as lines for people.
 
 use gantry_tau_ethercat::scan::{
-    Answer, Clock, Device, Dictionary, FIRST_AXIS, Mapping, SECOND_AXIS,
+    Answer, ClockWidth, Device, Dictionary, FIRST_AXIS, Mapping, SECOND_AXIS,
 };
 
 /// Returns the lines of all devices.
@@ -36,9 +36,9 @@ fn of_device(device: &Device) -> Vec<String> {
         protocols.join(", ")
     };
     let clock = match device.clock {
-        Clock::None => "no distributed clock",
-        Clock::Bits32 => "distributed clock of 32 bits",
-        Clock::Bits64 => "distributed clock",
+        ClockWidth::None => "no distributed clock",
+        ClockWidth::Bits32 => "distributed clock of 32 bits",
+        ClockWidth::Bits64 => "distributed clock",
     };
     let mut lines = vec![
         String::new(),

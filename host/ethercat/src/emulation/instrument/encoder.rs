@@ -1,10 +1,10 @@
 //! A terminal that counts the edges of a length gauge, as EL5101, EL5101-0010 and EL5151.
 
-use super::pdo_choice::PdoChoice;
+use super::terminal_objects::TerminalObjects;
 use crate::emulation::device::{Device, MAX_PROCESS_DATA};
-use crate::emulation::mailbox::{self, Dictionary};
+use crate::emulation::mailbox;
 use crate::emulation::mapping::Mapped;
-use crate::emulation::objects::{Mappable, Objects, abort, entries};
+use crate::emulation::objects::Mappable;
 use crate::emulation::sii::{COE, Identity, Sii};
 
 /// Bits of the status of the enhanced map.
@@ -27,30 +27,35 @@ pub enum EncoderModel {
 }
 
 impl EncoderModel {
-    const fn identity(self) -> (u32, &'static str) {
+    const fn name(self) -> &'static str {
         match self {
-            Self::El5101 | Self::El5101Old => (0x13ED_3052, "EL5101"),
-            Self::El5101Fast => (0x13ED_3052, "EL5101-0010"),
-            Self::El5151 => (0x141F_3052, "EL5151"),
+            Self::El5101 | Self::El5101Old => "EL5101",
+            Self::El5101Fast => "EL5101-0010",
+            Self::El5151 => "EL5151",
         }
     }
 
-    const fn revision(self) -> u32 {
-        match self {
-            Self::El5101Old => 0x03F9_0000,
-            Self::El5101 | Self::El5151 => 0x0400_0000,
-            Self::El5101Fast => 0x0400_000A,
+    const fn identity(self) -> Identity {
+        let (product, revision) = match self {
+            Self::El5101 => (0x13ED_3052, 0x0400_0000),
+            Self::El5101Old => (0x13ED_3052, 0x03F9_0000),
+            Self::El5101Fast => (0x13ED_3052, 0x0400_000A),
+            Self::El5151 => (0x141F_3052, 0x0400_0000),
+        };
+        Identity {
+            vendor: 0x0000_0002,
+            product,
+            revision,
+            serial: 0,
         }
     }
 }
 
 /// An encoder terminal.
 #[derive(Clone, Debug)]
-pub struct Encoder {
+pub struct EncoderTerminal {
     model: EncoderModel,
-    objects: Objects,
-    outputs: PdoChoice,
-    inputs: PdoChoice,
+    objects: TerminalObjects,
     /// Counts of the gauge since it was made, and of the moment of power-on.
     counts: i64,
     zero: i64,
@@ -59,6 +64,8 @@ pub struct Encoder {
     is_invalid: bool,
     is_frozen: bool,
     toggle: bool,
+    /// Status and counter of the last cycle in which its program ran.
+    shown: (u16, u32),
     is_operational: bool,
 }
 
@@ -111,50 +118,32 @@ fn old(index: u16, words: u8) -> Vec<Mapped> {
     contents
 }
 
-impl Encoder {
+impl EncoderTerminal {
     /// Creates a terminal that has just been powered.
     #[must_use]
     pub fn new(model: EncoderModel) -> Self {
-        let no = Mappable::No;
-        let (product, _) = model.identity();
-        let mut rows = vec![
-            (0x1000, 0, 32, false, no, 0x0000_1389),
-            (0x1018, 0, 8, false, no, 4),
-            (0x1018, 1, 32, false, no, 2),
-            (0x1018, 2, 32, false, no, product.into()),
-            (0x1018, 3, 32, false, no, model.revision().into()),
-            (0x1018, 4, 32, false, no, 0),
-            (0x1C00, 0, 8, false, no, 4),
-            (0x1C00, 1, 8, false, no, 1),
-            (0x1C00, 2, 8, false, no, 2),
-            (0x1C00, 3, 8, false, no, 3),
-            (0x1C00, 4, 8, false, no, 4),
-        ];
-        if model != EncoderModel::El5101Old {
-            // Wire checks of channels A and B.
-            rows.extend([
-                (0x8010, 0x0B, 8, true, no, 0),
-                (0x8010, 0x0C, 8, true, no, 0),
-            ]);
-        }
-        let (out, back) = match model {
-            EncoderModel::El5101 => (
+        // Wire checks of channels A and B.
+        let checks = [0x0B, 0x0C].map(|sub| (0x8010, sub, 8, true, Mappable::No, 0));
+        let settings = match model {
+            EncoderModel::El5101Old => &[],
+            _ => checks.as_slice(),
+        };
+        let pdos = match model {
+            EncoderModel::El5101 => [
                 vec![(0x1602, outputs(16)), (0x1603, outputs(32))],
                 vec![(0x1A03, inputs(16)), (0x1A04, inputs(32))],
-            ),
-            EncoderModel::El5101Old => (
+            ],
+            EncoderModel::El5101Old => [
                 vec![(0x1600, old(0x7000, 1))],
                 vec![(0x1A00, old(0x6000, 2))],
-            ),
+            ],
             EncoderModel::El5101Fast | EncoderModel::El5151 => {
-                (vec![(0x1600, outputs(32))], vec![(0x1A00, inputs(32))])
+                [vec![(0x1600, outputs(32))], vec![(0x1A00, inputs(32))]]
             }
         };
         Self {
             model,
-            objects: Objects::new(entries(&rows)),
-            outputs: PdoChoice::new(0x1C12, out),
-            inputs: PdoChoice::new(0x1C13, back),
+            objects: TerminalObjects::new(model.name(), 0x1389, &model.identity(), settings, pdos),
             counts: 0,
             zero: 0,
             is_broken: false,
@@ -162,6 +151,7 @@ impl Encoder {
             is_invalid: false,
             is_frozen: false,
             toggle: false,
+            shown: (0, 0),
             is_operational: false,
         }
     }
@@ -197,26 +187,23 @@ impl Encoder {
 
     fn status(&self) -> u16 {
         let checks_wire = self.objects.get(0x8010, 0x0B) != 0;
-        let bit = |is_set: bool, bit: u16| if is_set { bit } else { 0 };
-        bit(self.is_broken && checks_wire, OPEN_CIRCUIT)
-            | bit(self.has_sync_error, SYNC_ERROR)
-            | bit(self.is_invalid, INVALID)
-            | bit(self.toggle, TOGGLE)
+        let bits = [
+            (self.is_broken && checks_wire, OPEN_CIRCUIT),
+            (self.has_sync_error, SYNC_ERROR),
+            (self.is_invalid, INVALID),
+            (self.toggle, TOGGLE),
+        ];
+        let set = bits.into_iter().filter(|(is_set, _)| *is_set);
+        set.fold(0, |status, (_, bit)| status | bit)
     }
 }
 
-impl Device for Encoder {
+impl Device for EncoderTerminal {
     fn sii(&self) -> Sii {
-        let (product, name) = self.model.identity();
         Sii {
-            identity: Identity {
-                vendor: 0x0000_0002,
-                product,
-                revision: self.model.revision(),
-                serial: 0,
-            },
+            identity: self.model.identity(),
             alias: 0,
-            name,
+            name: self.model.name(),
             protocols: COE,
             has_process_data: true,
             has_watchdog: true,
@@ -224,7 +211,7 @@ impl Device for Encoder {
     }
 
     fn lengths(&self) -> [usize; 2] {
-        [self.outputs.length(), self.inputs.length()]
+        self.objects.lengths()
     }
 
     fn answer(
@@ -233,7 +220,7 @@ impl Device for Encoder {
         last_counter: &mut u8,
         is_pre_op: bool,
     ) -> Option<Vec<u8>> {
-        mailbox::answer(self, request, last_counter, is_pre_op)
+        mailbox::answer(&mut self.objects, request, last_counter, is_pre_op)
     }
 
     fn set_operational(&mut self, is_operational: bool) {
@@ -251,19 +238,20 @@ impl Device for Encoder {
     fn inputs(&mut self, data: &mut [u8; MAX_PROCESS_DATA]) -> usize {
         if !self.is_frozen {
             self.toggle = !self.toggle;
+            self.shown = (self.status(), (self.counts - self.zero) as u32);
         }
-        let counter = (self.counts - self.zero) as u32;
+        let (status, counter) = self.shown;
         let mut bytes = Vec::new();
         if self.is_enhanced() {
-            bytes.extend(self.status().to_le_bytes());
+            bytes.extend(status.to_le_bytes());
         } else {
             bytes.push(if self.is_broken { 0x20 } else { 0 });
         }
-        match self.inputs.length() {
+        let [_, length] = self.objects.lengths();
+        match length {
             10 => bytes.extend(counter.to_le_bytes()),
             _ => bytes.extend((counter as u16).to_le_bytes()),
         }
-        let length = self.inputs.length();
         // The latch is never used.
         bytes.resize(length, 0);
         if let Some(place) = data.get_mut(..length) {
@@ -274,38 +262,75 @@ impl Device for Encoder {
 
     fn power_cycle(&mut self) {
         self.zero = self.counts;
-        self.outputs.reset();
-        self.inputs.reset();
+        self.objects.assign_first();
         self.objects.set(0x8010, 0x0B, 0);
         self.objects.set(0x8010, 0x0C, 0);
         self.is_operational = false;
     }
 }
 
-impl Dictionary for Encoder {
-    fn name(&self) -> &'static str {
-        self.model.identity().1
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::indexing_slicing, reason = "tests fail by panicking")]
+
+    use super::*;
+
+    fn shown(encoder: &mut EncoderTerminal) -> Vec<u8> {
+        let mut data = [0xEE; MAX_PROCESS_DATA];
+        let length = encoder.inputs(&mut data);
+        data[..length].to_vec()
     }
 
-    fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
-        for pdos in [&self.outputs, &self.inputs] {
-            if pdos.owns(index) {
-                return pdos.upload(index, sub);
-            }
-        }
-        self.objects.upload(index, sub)
+    /// Status, counter, latch, as of section 1.7 of the specification of the bus.
+    #[test]
+    fn maps_of_16_and_32_bits_begin_with_the_status() {
+        let mut old = EncoderTerminal::new(EncoderModel::El5101Old);
+        old.set_counts(-2);
+        assert_eq!(shown(&mut old), [0, 0xFE, 0xFF, 0, 0]);
+        let mut narrow = EncoderTerminal::new(EncoderModel::El5101);
+        narrow.set_counts(-2);
+        assert_eq!(shown(&mut narrow), [0, 0x80, 0xFE, 0xFF, 0, 0]);
+        let mut wide = EncoderTerminal::new(EncoderModel::El5151);
+        wide.set_counts(70_000);
+        assert_eq!(shown(&mut wide), [0, 0x80, 0x70, 0x11, 1, 0, 0, 0, 0, 0]);
+        // The toggle bit changes in each cycle.
+        assert_eq!(shown(&mut wide)[1], 0);
     }
 
-    fn download(&mut self, index: u16, sub: u8, bytes: &[u8], is_pre_op: bool) -> Result<(), u32> {
-        for pdos in [&mut self.outputs, &mut self.inputs] {
-            if pdos.owns(index) {
-                return if is_pre_op {
-                    pdos.download(index, sub, bytes)
-                } else {
-                    Err(abort::STATE)
-                };
-            }
-        }
-        self.objects.download(index, sub, bytes)
+    #[test]
+    fn a_broken_wire_is_seen_where_it_is_looked_for() {
+        let mut encoder = EncoderTerminal::new(EncoderModel::El5151);
+        encoder.break_wire(true);
+        assert_eq!(shown(&mut encoder)[0], 0);
+        encoder.objects.set(0x8010, 0x0B, 1);
+        assert_eq!(shown(&mut encoder)[0], 0x40);
+        encoder.set_sync_error(true);
+        encoder.invalidate(true);
+        assert_eq!(shown(&mut encoder)[..2], [0x40, 0xE0]);
+        encoder.power_cycle();
+        assert_eq!(shown(&mut encoder)[0], 0);
+    }
+
+    #[test]
+    fn a_program_that_stands_shows_the_same() {
+        let mut encoder = EncoderTerminal::new(EncoderModel::El5151);
+        encoder.set_counts(5);
+        let before = shown(&mut encoder);
+        encoder.freeze(true);
+        encoder.set_counts(9);
+        encoder.set_sync_error(true);
+        assert_eq!(shown(&mut encoder), before);
+        encoder.freeze(false);
+        assert_ne!(shown(&mut encoder)[2..], before[2..]);
+    }
+
+    #[test]
+    fn a_loss_of_power_is_a_new_zero() {
+        let mut encoder = EncoderTerminal::new(EncoderModel::El5151);
+        encoder.set_counts(5);
+        encoder.power_cycle();
+        assert_eq!(shown(&mut encoder)[2..6], [0; 4]);
+        encoder.set_counts(3);
+        assert_eq!(shown(&mut encoder)[2..6], (-2_i32).to_le_bytes());
     }
 }

@@ -1,10 +1,10 @@
 //! A force sensor with the objects of the ATI EtherCAT F/T.
 
-use super::pdo_choice::PdoChoice;
+use super::terminal_objects::TerminalObjects;
 use crate::emulation::device::{Device, MAX_PROCESS_DATA};
-use crate::emulation::mailbox::{self, Dictionary};
+use crate::emulation::mailbox;
 use crate::emulation::mapping::Mapped;
-use crate::emulation::objects::{Mappable, Objects, abort, entries};
+use crate::emulation::objects::Mappable;
 use crate::emulation::sii::{COE, Identity, Sii};
 
 /// Units of a sensor, as object 2040h tells them.
@@ -20,13 +20,22 @@ pub struct ForceUnits {
     pub counts_per_torque: i32,
 }
 
+const NAME: &str = "EtherCAT F/T Sensor";
+
+/// Entry of 32 bits.
+const fn whole((index, sub): (u16, u8)) -> Mapped {
+    Mapped {
+        index,
+        sub,
+        bits: 32,
+    }
+}
+
 /// A force sensor.
 #[derive(Clone, Debug)]
-pub struct ForceSensor {
+pub struct ForceTerminal {
     identity: Identity,
-    objects: Objects,
-    outputs: PdoChoice,
-    inputs: PdoChoice,
+    objects: TerminalObjects,
     counts: [i32; 6],
     status: u32,
     samples: u32,
@@ -36,7 +45,7 @@ pub struct ForceSensor {
     control: [u32; 2],
 }
 
-impl ForceSensor {
+impl ForceTerminal {
     /// Identity of the ATI EtherCAT F/T; its product code is the default of a widespread stack.
     pub const IDENTITY: Identity = Identity {
         vendor: 0x0000_0732,
@@ -49,36 +58,27 @@ impl ForceSensor {
     #[must_use]
     pub fn new(identity: Identity, units: ForceUnits) -> Self {
         let no = Mappable::No;
-        let rows = [
-            (0x1000, 0, 32, false, no, 0),
-            (0x1018, 0, 8, false, no, 4),
-            (0x1018, 1, 32, false, no, identity.vendor.into()),
-            (0x1018, 2, 32, false, no, identity.product.into()),
-            (0x1018, 3, 32, false, no, identity.revision.into()),
-            (0x1018, 4, 32, false, no, identity.serial.into()),
-            (0x1C00, 0, 8, false, no, 4),
-            (0x1C00, 1, 8, false, no, 1),
-            (0x1C00, 2, 8, false, no, 2),
-            (0x1C00, 3, 8, false, no, 3),
-            (0x1C00, 4, 8, false, no, 4),
+        let settings = [
             (0x2040, 0x29, 8, false, no, units.force.into()),
             (0x2040, 0x2A, 8, false, no, units.torque.into()),
             (0x2040, 0x31, 32, false, no, units.counts_per_force.into()),
             (0x2040, 0x32, 32, false, no, units.counts_per_torque.into()),
         ];
-        let whole = |index, sub| Mapped {
-            index,
-            sub,
-            bits: 32,
-        };
-        let mut back: Vec<Mapped> = (1..=6).map(|sub| whole(0x6000, sub)).collect();
-        back.extend([whole(0x6010, 0), whole(0x6020, 0)]);
-        let out = vec![whole(0x7010, 1), whole(0x7010, 2)];
+        let inputs = (1..=6).map(|sub| (0x6000, sub));
+        let inputs = inputs.chain([(0x6010, 0), (0x6020, 0)]);
+        let outputs = [(0x7010, 1), (0x7010, 2)].into_iter();
         Self {
             identity,
-            objects: Objects::new(entries(&rows)),
-            outputs: PdoChoice::new(0x1C12, vec![(0x1601, out)]),
-            inputs: PdoChoice::new(0x1C13, vec![(0x1A00, back)]),
+            objects: TerminalObjects::new(
+                NAME,
+                0,
+                &identity,
+                &settings,
+                [
+                    vec![(0x1601, outputs.map(whole).collect())],
+                    vec![(0x1A00, inputs.map(whole).collect())],
+                ],
+            ),
             counts: [0; 6],
             status: 0,
             samples: 0,
@@ -109,12 +109,12 @@ impl ForceSensor {
     }
 }
 
-impl Device for ForceSensor {
+impl Device for ForceTerminal {
     fn sii(&self) -> Sii {
         Sii {
             identity: self.identity,
             alias: 0,
-            name: self.name(),
+            name: NAME,
             protocols: COE,
             has_process_data: true,
             has_watchdog: true,
@@ -122,7 +122,7 @@ impl Device for ForceSensor {
     }
 
     fn lengths(&self) -> [usize; 2] {
-        [self.outputs.length(), self.inputs.length()]
+        self.objects.lengths()
     }
 
     fn answer(
@@ -131,7 +131,7 @@ impl Device for ForceSensor {
         last_counter: &mut u8,
         is_pre_op: bool,
     ) -> Option<Vec<u8>> {
-        mailbox::answer(self, request, last_counter, is_pre_op)
+        mailbox::answer(&mut self.objects, request, last_counter, is_pre_op)
     }
 
     fn set_operational(&mut self, _: bool) {}
@@ -146,7 +146,7 @@ impl Device for ForceSensor {
         self.samples = self.samples.wrapping_add(self.samples_per_reading);
         let words = self.counts.map(|count| count as u32);
         let words = words.into_iter().chain([self.status, self.samples]);
-        let length = self.inputs.length();
+        let [_, length] = self.objects.lengths();
         let places = data.chunks_exact_mut(4).take(length / 4);
         for (place, word) in places.zip(words) {
             place.copy_from_slice(&word.to_le_bytes());
@@ -155,36 +155,38 @@ impl Device for ForceSensor {
     }
 
     fn power_cycle(&mut self) {
-        self.outputs.reset();
-        self.inputs.reset();
+        self.objects.assign_first();
         self.control = [0; 2];
     }
 }
 
-impl Dictionary for ForceSensor {
-    fn name(&self) -> &'static str {
-        "EtherCAT F/T Sensor"
-    }
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::indexing_slicing, reason = "tests fail by panicking")]
 
-    fn upload(&self, index: u16, sub: u8) -> Result<([u8; 4], usize), u32> {
-        for pdos in [&self.outputs, &self.inputs] {
-            if pdos.owns(index) {
-                return pdos.upload(index, sub);
-            }
-        }
-        self.objects.upload(index, sub)
-    }
+    use super::*;
 
-    fn download(&mut self, index: u16, sub: u8, bytes: &[u8], is_pre_op: bool) -> Result<(), u32> {
-        for pdos in [&mut self.outputs, &mut self.inputs] {
-            if pdos.owns(index) {
-                return if is_pre_op {
-                    pdos.download(index, sub, bytes)
-                } else {
-                    Err(abort::STATE)
-                };
-            }
-        }
-        self.objects.download(index, sub, bytes)
+    /// Six counts, status, sample counter; two control words back.
+    #[test]
+    fn the_process_data_are_ten_words() {
+        let units = ForceUnits {
+            force: 2,
+            torque: 3,
+            counts_per_force: 1_000_000,
+            counts_per_torque: 1_000_000,
+        };
+        let mut sensor = ForceTerminal::new(ForceTerminal::IDENTITY, units);
+        assert_eq!(sensor.lengths(), [8, 32]);
+        sensor.set_counts([1, -2, 3, 4, 5, 6]);
+        sensor.set_status(1 << 31);
+        let mut data = [0; MAX_PROCESS_DATA];
+        assert_eq!(sensor.inputs(&mut data), 32);
+        let word = |place: usize| i32::from_le_bytes(data[4 * place..][..4].try_into().unwrap());
+        assert_eq!([0, 1, 2, 6, 7].map(word), [1, -2, 3, i32::MIN, 1]);
+        sensor.set_samples_per_reading(0);
+        sensor.inputs(&mut data);
+        assert_eq!(data[28..32], [1, 0, 0, 0]);
+        sensor.take_outputs(&[0, 3, 0, 0, 1, 0, 0, 0]);
+        assert_eq!(sensor.control(), [0x300, 1]);
     }
 }

@@ -9,9 +9,9 @@ use gantry_tau_core::control::session::Connection;
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{CYCLE_US, RobotFile};
 
-use crate::instance::Log;
+use crate::log::Log;
 
-/// What a client is to do.
+/// Task of a client.
 pub(super) struct Wishes<'a, K, const N: usize> {
     pub(super) robot: &'a RobotFile<K, N>,
     pub(super) margin: &'a HomeMargin,
@@ -23,7 +23,7 @@ pub(super) struct Wishes<'a, K, const N: usize> {
 
 /// A client from its Hello to its end.
 #[derive(Clone)]
-pub(super) struct Client<const N: usize> {
+pub(super) struct UnitClient<const N: usize> {
     connection: Connection,
     protocol: protocol::Client<N>,
     /// Present from the Welcome on.
@@ -39,7 +39,7 @@ pub(super) struct Client<const N: usize> {
     is_over: bool,
 }
 
-impl<const N: usize> Client<N> {
+impl<const N: usize> UnitClient<N> {
     /// Connects to a server. `None`: it has no place left.
     pub(super) fn connect(endpoint: &mut Endpoint<N>, kinematics_checksum: u32) -> Option<Self> {
         let connection = endpoint.open(Transport::Stream).ok()?;

@@ -106,7 +106,7 @@ pub(crate) fn largest_offsets_m<K: MachineKind<N>, const N: usize>(
 
 /// Variables of the server.
 #[derive(Clone, Copy)]
-pub(super) struct Ports<const N: usize> {
+pub(super) struct ServerPorts<const N: usize> {
     pub(super) sample: ForceInputs,
     pub(super) nominal: Group<N>,
     pub(super) cable: Group<1>,
@@ -131,7 +131,7 @@ pub(super) struct Ports<const N: usize> {
     load: LoadOutputs,
 }
 
-impl<const N: usize> Ports<N> {
+impl<const N: usize> ServerPorts<N> {
     pub(super) fn declare<K: MachineKind<N>>(
         declared: &mut Declarations,
         robot: &RobotFile<K, N>,

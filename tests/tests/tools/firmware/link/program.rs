@@ -10,27 +10,27 @@ use crate::firmware::process::Process;
 /// Builds the program as `cargo test` does, with whose features nothing is built twice. Returns its
 /// path.
 pub(crate) fn build() -> PathBuf {
+    let whole = ["test", "--workspace", "--no-run", "--test", "it"];
+    cargo(&whole, "test").join("gantry-tau")
+}
+
+/// Runs a command of cargo where this test was built: in its folder, in a profile that gives what was
+/// built for it. `debug`: that profile where it is not a release. Returns the folder.
+pub(crate) fn cargo(arguments: &[&str], debug: &str) -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();
     let is_debug = profile.ends_with("debug");
     let status = Command::new(env!("CARGO"))
-        .args([
-            "test",
-            "--quiet",
-            "--locked",
-            "--workspace",
-            "--no-run",
-            "--test",
-            "it",
-        ])
-        .args(["--profile", if is_debug { "test" } else { "release" }])
+        .args(arguments)
+        .args(["--quiet", "--locked"])
+        .args(["--profile", if is_debug { debug } else { "release" }])
         .arg("--target-dir")
         .arg(profile.parent().unwrap())
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .status()
         .unwrap();
     assert!(status.success());
-    profile.join("gantry-tau")
+    profile.to_owned()
 }
 
 /// The running program.

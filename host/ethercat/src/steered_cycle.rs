@@ -1,12 +1,12 @@
 //! Cycle of a bus with clocks: where its beginnings lie on the clock of the wire, and the samples of
 //! the steering.
 
-use crate::clocks::ClockSettings;
+use crate::bring_up::ClockSettings;
 use crate::steering::{Steering, SteeringConfig, SteeringFault};
 
 /// Cycle that follows the reference clock.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct SteeredCycle {
     steering: Steering,
     cycle_ns: u64,
     /// A beginning of a cycle by the clock of the wire, ns; the others lie whole cycles from it.
@@ -20,7 +20,7 @@ pub(crate) struct Pace {
     shift_ns: i64,
 }
 
-impl Pace {
+impl SteeredCycle {
     pub(crate) fn new(clocks: &ClockSettings, cycle_ns: u32, start_ns: u64) -> Self {
         let config = SteeringConfig {
             cycle_ns,

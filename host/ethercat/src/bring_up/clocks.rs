@@ -4,7 +4,7 @@
 use ethercrab::error::Error;
 use ethercrab::{Command, EtherCrabWireReadWrite, MainDevice};
 
-use crate::bring_up::{BringUpError, number};
+use super::{BringUpError, number};
 use crate::clock;
 
 /// Registers; ETG1000.4.
