@@ -307,12 +307,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             }
             Condition::Stopped(fault) => {
                 let held = self.sent;
-                let stop = self.inputs.map(|input| match input.state() {
-                    PowerState::OperationEnabled | PowerState::QuickStopActive => {
-                        control::QUICK_STOP
-                    }
-                    _ => 0,
-                });
+                let stop = self.inputs.map(|input| stopping(&input));
                 let _seen = self.exchange(&stop, &held);
                 Err(fault)
             }
@@ -330,9 +325,12 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             return Err(Fault::NotStarted);
         };
         let all_operational = self.states.iter().all(|state| *state == 8);
+        // Drives with a clock are led on in phase with it only.
+        let is_in_phase = self.is_locked() != Some(false);
         // The reset is an edge, a cycle in eight.
         let resets = may_reset && cycles % 8 == 4;
         let commands = self.inputs.map(|input| match input.state() {
+            _ if !is_in_phase => stopping(&input),
             _ if !all_operational => 0,
             // It is not enabled in another mode.
             PowerState::SwitchedOn if input.mode != CSP => control::SWITCHED_ON,
@@ -364,7 +362,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                     ..
                 },
             ) => {
-                self.lead(motor);
+                if is_in_phase {
+                    self.lead(motor);
+                }
                 fault
             }
             Err(fault) => {
@@ -569,7 +569,6 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// Takes the power away in order, and the bus to INIT: an orderly end leaves no drive in fault.
     fn stop(&mut self) {
         if matches!(self.group, Group::Op(_)) {
-            let cycle_us = u64::from(self.settings.cycle_us);
             for _ in 0..DISABLE_CYCLES {
                 let held = self.sent;
                 let shutdown = self.inputs.map(|input| match input.state() {
@@ -581,9 +580,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                 {
                     break;
                 }
-                self.pump.wire.begin_cycles(1, cycle_us);
-                let next_us = self.pump.wire.now_us().saturating_add(cycle_us);
-                self.pump.wire.wait_until(next_us);
+                let _fault = self.steer();
+                self.rest();
             }
         }
         let init = Command::bwr(RegisterAddress::AlControl.into())
@@ -606,6 +604,14 @@ impl<W: Wire, const M: usize> std::fmt::Debug for Drives<W, M> {
             .field("condition", &self.condition)
             .field("members", &self.members)
             .finish_non_exhaustive()
+    }
+}
+
+/// Control word that stops a drive, and leaves one that is stopped.
+fn stopping(input: &Input) -> u16 {
+    match input.state() {
+        PowerState::OperationEnabled | PowerState::QuickStopActive => control::QUICK_STOP,
+        _ => 0,
     }
 }
 

@@ -130,7 +130,15 @@ impl Fault {
             Self::FollowingError { .. } => "following error",
             Self::Mode { .. } => "the drive is in another mode of operation",
             Self::NotEnabled { .. } => "the drive is not in operation enabled",
-            Self::Clock(_) => "the cycle does not follow the clock of the bus",
+            Self::Clock(SteeringFault::Phase { .. }) => {
+                "the cycle does not follow the clock of the bus: frames pass far from their place before SYNC0"
+            }
+            Self::Clock(SteeringFault::Standing) => {
+                "the cycle does not follow the clock of the bus: the time of the reference does not go on"
+            }
+            Self::Clock(SteeringFault::Drift) => {
+                "the cycle does not follow the clock of the bus: the clocks of PC and bus differ by more than 1000 ppm"
+            }
             Self::NotInPhase => "the cycle was not in phase with SYNC0 within 5 s",
             Self::Resent => "the references of a lost frame were sent again",
             Self::Image => "the process data has another length than was mapped",
@@ -162,7 +170,7 @@ impl fmt::Display for Fault {
             }
             Self::Mode { mode, .. } => write!(f, " (6061h: {mode}, expected {CSP})"),
             Self::NotEnabled { state, .. } => write!(f, " ({})", state.name()),
-            Self::Clock(fault) => write!(f, " ({fault})"),
+            Self::Clock(SteeringFault::Phase { phase_us }) => write!(f, " ({phase_us} us)"),
             _ => Ok(()),
         }
     }

@@ -67,8 +67,8 @@ impl SteeredCycle {
     pub(crate) const fn begin(&mut self, now_ns: u64) {
         let since_ns = now_ns.saturating_sub(self.begin_ns);
         let late_ns = since_ns % self.cycle_ns;
-        // A little early is not late.
-        let is_early = late_ns > self.cycle_ns / 10 * 9;
+        // A timer that ends a little early has not slept through a cycle.
+        let is_early = late_ns > self.cycle_ns - self.cycle_ns / 50;
         self.late_ns = if is_early { 0 } else { late_ns };
         let began_ns = now_ns.saturating_sub(late_ns);
         self.begin_ns = if is_early {

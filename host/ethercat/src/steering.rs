@@ -23,6 +23,8 @@ const STANDING_SAMPLES: u32 = 3;
 const AT_LIMIT_NS: i64 = 1_000_000_000;
 /// Delay of a cycle after which its sample is not learned from, ns.
 const LATE_NS: u64 = 150_000;
+/// Late cycles in a row after which the cycle does not count as in phase.
+const LATE_CYCLES: u32 = 5;
 
 /// Settings of the steering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +77,7 @@ pub struct Steering {
     last_ns: u64,
     in_phase: u32,
     far: u32,
+    late: u32,
     standing: u32,
     at_limit: i64,
 }
@@ -94,6 +97,7 @@ impl Steering {
             last_ns: 0,
             in_phase: 0,
             far: 0,
+            late: 0,
             standing: 0,
             at_limit: 0,
         }
@@ -131,12 +135,15 @@ impl Steering {
     pub fn step(&mut self, dc_time_ns: Option<u64>, late_ns: u64) -> Step {
         let phase_ns = dc_time_ns.map(|time| self.phase(time));
         let goes_on = self.note_time(dc_time_ns);
+        if let Some(phase) = phase_ns.filter(|_| goes_on) {
+            self.note_place(phase, late_ns);
+        }
         let Some(phase) = phase_ns.filter(|_| goes_on && late_ns <= LATE_NS) else {
             // Coasts: nothing is learned.
             return Step {
                 shift_ns: -self.bounded(self.integral / INTEGRAL),
                 phase_ns,
-                fault: (self.standing >= STANDING_SAMPLES).then_some(SteeringFault::Standing),
+                fault: self.fault(phase_ns.unwrap_or(0)),
             };
         };
         let median = self.median_with(phase);
@@ -154,11 +161,6 @@ impl Steering {
         } else {
             0
         };
-        self.far = if phase.abs() > LOST_NS.min(self.cycle_ns / 5 * 2) {
-            self.far.saturating_add(1)
-        } else {
-            0
-        };
         self.at_limit = if correction.abs() >= limit {
             self.at_limit.saturating_add(1)
         } else {
@@ -168,6 +170,24 @@ impl Steering {
             shift_ns: -correction,
             phase_ns,
             fault: self.fault(phase),
+        }
+    }
+
+    /// Takes note of where a frame passed, learned from or not.
+    fn note_place(&mut self, phase: i64, late_ns: u64) {
+        self.far = if phase.abs() > LOST_NS.min(self.cycle_ns / 5 * 2) {
+            self.far.saturating_add(1)
+        } else {
+            0
+        };
+        self.late = if late_ns > LATE_NS {
+            self.late.saturating_add(1)
+        } else {
+            0
+        };
+        // The median stands for cycles that begin in time.
+        if self.late >= LATE_CYCLES {
+            self.in_phase = 0;
         }
     }
 
@@ -191,7 +211,19 @@ impl Steering {
         goes_on
     }
 
-    fn fault(&self, phase: i64) -> Option<SteeringFault> {
+    /// Returns the fault that there is: the cycle is then not in phase.
+    fn fault(&mut self, phase: i64) -> Option<SteeringFault> {
+        let fault = self.found_fault(phase);
+        if fault.is_some() {
+            self.in_phase = 0;
+        }
+        fault
+    }
+
+    fn found_fault(&self, phase: i64) -> Option<SteeringFault> {
+        if self.standing >= STANDING_SAMPLES {
+            return Some(SteeringFault::Standing);
+        }
         let at_limit_ns = self.at_limit.saturating_mul(self.cycle_ns);
         let is_far = self.far >= LOST_SAMPLES;
         // A phase that grows while the correction is at its limit has the same cause.
@@ -226,5 +258,42 @@ impl Steering {
         };
         known.sort_unstable();
         known.get(known.len() / 2).copied().unwrap_or(phase)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CONFIG: SteeringConfig = SteeringConfig {
+        cycle_ns: 1_000_000,
+        frame_to_sync0_ns: 500_000,
+    };
+
+    /// Time of a frame of a cycle, with a phase.
+    fn time_ns(cycle: u64, phase_ns: i64) -> Option<u64> {
+        let place_ns = 1_000_000 * (cycle + 1) + 500_000;
+        place_ns.checked_add_signed(phase_ns)
+    }
+
+    /// A computer that is late in every cycle learns nothing, and is told so.
+    #[test]
+    fn a_cycle_that_is_always_late_is_not_in_phase_and_a_fault_far_away() {
+        let mut steering = Steering::new(CONFIG, 0);
+        for cycle in 0..300 {
+            steering.step(time_ns(cycle, 0), 0);
+        }
+        assert!(steering.is_locked());
+        for cycle in 300..310 {
+            let step = steering.step(time_ns(cycle, 160_000), 160_000);
+            assert_eq!((step.shift_ns, step.fault), (0, None));
+            assert_eq!(steering.is_locked(), cycle < 304, "{cycle}");
+        }
+        let faults =
+            [310, 311, 312].map(|cycle| steering.step(time_ns(cycle, 450_000), 450_000).fault);
+        assert_eq!(
+            faults,
+            [None, None, Some(SteeringFault::Phase { phase_us: 450 })]
+        );
     }
 }

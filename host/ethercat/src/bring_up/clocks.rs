@@ -9,6 +9,8 @@ use crate::clock;
 
 /// Registers; ETG1000.4.
 const FEATURES: u16 = 0x0008;
+/// Bits of 0008h: a distributed clock, of 64 bits.
+const HAS_CLOCK: u16 = 0x0C;
 const SYSTEM_TIME: u16 = 0x0910;
 const DIFFERENCE: u16 = 0x092C;
 const ACCESS: u16 = 0x0980;
@@ -93,7 +95,8 @@ impl Clocks<'_> {
 
     async fn has_clock(&self, station: u16) -> Result<bool, BringUpError> {
         let features: u16 = self.read(station, FEATURES).await?;
-        Ok(features & 0x04 != 0)
+        // A time of 32 bits begins again every 4.3 s.
+        Ok(features & HAS_CLOCK == HAS_CLOCK)
     }
 
     async fn read<T: EtherCrabWireReadWrite + ethercrab::EtherCrabWireReadSized>(
@@ -107,12 +110,13 @@ impl Clocks<'_> {
             .map_err(failed("reading a distributed clock"))
     }
 
-    /// Returns the reference's time, and gives it to all others.
-    async fn distribute(&self, reference: u16) -> Result<u64, BringUpError> {
-        Command::frmw(reference, SYSTEM_TIME)
+    /// Gives the reference's time to all others.
+    async fn distribute(&self, reference: u16) -> Result<(), BringUpError> {
+        let time: Result<u64, Error> = Command::frmw(reference, SYSTEM_TIME)
             .ignore_wkc()
             .receive(self.main)
-            .await
+            .await;
+        time.map(drop)
             .map_err(failed("distributing the reference's time"))
     }
 
@@ -154,7 +158,7 @@ impl Clocks<'_> {
         cycle_ns: u32,
     ) -> Result<u64, BringUpError> {
         let cycle = u64::from(cycle_ns.max(1));
-        let now_ns = self.distribute(reference).await?;
+        let now_ns: u64 = self.read(reference, SYSTEM_TIME).await?;
         let ahead_ns = now_ns.saturating_add(AHEAD_NS);
         let start_ns = ahead_ns.div_ceil(cycle).saturating_mul(cycle);
         let sync1_ns = cycle_ns.saturating_sub(settings.sync0_ns);
@@ -176,7 +180,7 @@ impl Clocks<'_> {
             drive.write_checked(SYNC1_PERIOD, sync1_ns).await?;
             drive.write_checked(ACTIVATION, activation).await?;
         }
-        if self.distribute(reference).await? >= start_ns {
+        if self.read::<u64>(reference, SYSTEM_TIME).await? >= start_ns {
             return Err(BringUpError::Clocks {
                 reason: "SYNC0 was set up too late: the bus or this computer is too slow",
             });

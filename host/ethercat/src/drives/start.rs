@@ -35,14 +35,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             self.rest();
             let targets = standing(&self.inputs);
             let _enabled = self.step_towards_operation(&targets, false);
-            if let Some(fault) = self.steer() {
+            let fault = self.steer();
+            if let (Some(fault), Condition::Rearming { .. }) = (fault, self.condition) {
                 self.condition = Condition::Stopped(Fault::Clock(fault));
             }
         }
     }
 
-    /// Waits for the next cycle, during a start.
-    fn rest(&mut self) {
+    /// Waits for the next cycle, during a start or an end.
+    pub(super) fn rest(&mut self) {
         let cycle_us = u64::from(self.settings.cycle_us);
         let wire = &mut self.pump.wire;
         let next_us = match &mut self.steered {
@@ -67,13 +68,14 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// Exchanges process data in SAFE-OP until the cycle is in phase with SYNC0.
     fn come_into_phase(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
         let mut is_aligned = false;
+        let mut exchanged = Ok(());
         for _ in 0..LOCK_CYCLES {
             if self.steered.is_none() {
                 return Ok(());
             }
             self.rest();
             // A lost frame is a sample less.
-            let _exchanged = self.exchange(&[0; M], targets);
+            exchanged = self.exchange(&[0; M], targets);
             // The first shift is a whole one: nothing follows SYNC0 yet.
             let steered = self.steered.as_mut().filter(|_| !is_aligned);
             if let Some(shift_ns) = steered.and_then(SteeredCycle::align) {
@@ -86,7 +88,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                 None => {}
             }
         }
-        Err(Fault::NotInPhase)
+        // Without an answer it is the bus that is at fault, and not the phase.
+        exchanged.and(Err(Fault::NotInPhase))
     }
 
     fn request_operational(&mut self) -> Result<(), Fault> {

@@ -92,6 +92,8 @@ pub struct Drive {
     synchronisation: Option<u16>,
     has_fixed_pdos: bool,
     requires_sync0: bool,
+    /// It takes writes to 1C32h and 1C33h, and keeps what they held.
+    keeps_synchronisation: bool,
     objects: Objects,
     outputs: Pdo,
     inputs: Pdo,
@@ -165,6 +167,7 @@ impl Drive {
             synchronisation: None,
             has_fixed_pdos: false,
             requires_sync0: false,
+            keeps_synchronisation: false,
             objects: Objects::new(present),
             outputs: Pdo::new(output, 0x1600, 0x1C12, &outputs),
             inputs: Pdo::new(input, 0x1A00, 0x1C13, &inputs),
@@ -212,6 +215,13 @@ impl Drive {
     #[must_use]
     pub const fn requiring_sync0(mut self) -> Self {
         self.requires_sync0 = true;
+        self
+    }
+
+    /// Makes it a drive that takes another synchronisation, and does not change its own.
+    #[must_use]
+    pub const fn keeping_synchronisation(mut self) -> Self {
+        self.keeps_synchronisation = true;
         self
     }
 
@@ -520,6 +530,7 @@ impl Device for Drive {
             again = again.with_fixed_pdos();
         }
         again.requires_sync0 = self.requires_sync0;
+        again.keeps_synchronisation = self.keeps_synchronisation;
         *self = again;
     }
 
@@ -559,6 +570,9 @@ impl Dictionary for Drive {
                     Err(abort::STATE)
                 };
             }
+        }
+        if self.keeps_synchronisation && matches!(index, 0x1C32 | 0x1C33) {
+            return Ok(());
         }
         self.objects.download(index, sub, bytes)
     }

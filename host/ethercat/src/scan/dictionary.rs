@@ -44,6 +44,10 @@ pub enum Mapping {
     Written,
     /// It aborted a write: it is fixed.
     Fixed(u32),
+    /// It has more entries, or more PDOs are assigned, than a scan writes: nothing was written.
+    TooLong,
+    /// It was written to, and does not hold what it held before: power the device off and on.
+    NotRestored,
     /// No answer came in time.
     Silent,
 }
@@ -53,6 +57,8 @@ pub enum Mapping {
 pub struct Dictionary {
     /// Supported modes of operation, 6502h.
     pub modes: Answer,
+    /// Present mode of operation, 6061h.
+    pub mode: Answer,
     /// Types of synchronisation, 1C32h:04 and 1C33h:04.
     pub synchronisation: [Answer; 2],
     /// Objects of [`FIRST_AXIS`].
@@ -98,6 +104,7 @@ pub(super) async fn read(
     options: Options,
 ) -> Result<Dictionary, ScanError> {
     let modes = ask(mailbox, 0x6502, 0).await?;
+    let mode = ask(mailbox, 0x6061, 0).await?;
     let synchronisation = [
         ask(mailbox, 0x1C32, 4).await?,
         ask(mailbox, 0x1C33, 4).await?,
@@ -111,6 +118,7 @@ pub(super) async fn read(
     ];
     let mut dictionary = Dictionary {
         modes,
+        mode,
         synchronisation,
         first_axis,
         second_axis,
@@ -119,10 +127,9 @@ pub(super) async fn read(
         mapping: None,
     };
     if options.tries_mapping && dictionary.is_of_drive() {
-        let [outputs, inputs] = &dictionary.assigned;
         dictionary.mapping = Some([
-            try_mapping(mailbox, 0x1C12, 0x1600, outputs).await?,
-            try_mapping(mailbox, 0x1C13, 0x1A00, inputs).await?,
+            try_mapping(mailbox, 0x1C12, 0x1600).await?,
+            try_mapping(mailbox, 0x1C13, 0x1A00).await?,
         ]);
     }
     Ok(dictionary)
@@ -162,48 +169,83 @@ async fn assigned(mailbox: &mut Mailbox<'_>, assignment: u16) -> Result<Vec<u16>
     Ok(pdos)
 }
 
-/// Writes to a mapping and its assignment what they hold.
+/// Reads a mapping or an assignment whole, or tells why it cannot be tried.
+async fn held(
+    mailbox: &mut Mailbox<'_>,
+    object: u16,
+    most: u8,
+) -> Result<Result<Vec<u32>, Mapping>, ScanError> {
+    let mut entries = Vec::new();
+    let mut count = 0;
+    let mut sub = 0;
+    while sub <= count {
+        match ask(mailbox, object, sub).await? {
+            Answer::Value(found) if sub == 0 && found > most.into() => {
+                return Ok(Err(Mapping::TooLong));
+            }
+            Answer::Value(found) if sub == 0 => count = found as u8,
+            Answer::Value(entry) => entries.push(entry),
+            Answer::Aborted(code) => return Ok(Err(Mapping::Fixed(code))),
+            Answer::Silent => return Ok(Err(Mapping::Silent)),
+        }
+        sub += 1;
+    }
+    Ok(Ok(entries))
+}
+
+/// Write of an object: index, sub-index, value, bytes.
+type Write = (u16, u8, u32, u8);
+
+/// Writes of the entries of an object, from its count of zero to its count.
+fn writes_of(object: u16, entries: &[u32], bytes: u8) -> Vec<Write> {
+    let count = u32::try_from(entries.len()).unwrap_or(0);
+    let places = (1_u8..).zip(entries);
+    let mut writes = vec![(object, 0, 0, 1)];
+    writes.extend(places.map(|(sub, entry)| (object, sub, *entry, bytes)));
+    writes.push((object, 0, count, 1));
+    writes
+}
+
+/// Writes to a mapping and its assignment what they hold, once all of that is known.
 async fn try_mapping(
     mailbox: &mut Mailbox<'_>,
     assignment: u16,
     pdo: u16,
-    assigned: &[u16],
 ) -> Result<Mapping, ScanError> {
-    let count = match mailbox.upload(pdo, 0).await? {
-        Some(Ok(count)) => u8::try_from(count).unwrap_or(u8::MAX).min(MAX_ENTRIES),
-        Some(Err(code)) => return Ok(Mapping::Fixed(code)),
-        None => return Ok(Mapping::Silent),
+    let assigned = match held(mailbox, assignment, MAX_ASSIGNED).await? {
+        Ok(assigned) => assigned,
+        Err(reason) => return Ok(reason),
     };
-    let mut entries = Vec::new();
-    for sub in 1..=count {
-        match mailbox.upload(pdo, sub).await? {
-            Some(Ok(entry)) => entries.push(entry),
-            Some(Err(code)) => return Ok(Mapping::Fixed(code)),
-            None => return Ok(Mapping::Silent),
-        }
-    }
-    let mut writes = vec![(assignment, 0, 0, 1), (pdo, 0, 0, 1)];
-    let places = (1_u8..).zip(&entries);
-    writes.extend(places.map(|(sub, entry)| (pdo, sub, *entry, 4)));
-    writes.push((pdo, 0, count.into(), 1));
+    let entries = match held(mailbox, pdo, MAX_ENTRIES).await? {
+        Ok(entries) => entries,
+        Err(reason) => return Ok(reason),
+    };
     let mut outcome = Mapping::Written;
-    for (index, sub, value, length) in writes {
-        match mailbox.download(index, sub, value, length).await? {
-            Some(Ok(_)) => {}
-            Some(Err(code)) => {
-                outcome = Mapping::Fixed(code);
-                break;
-            }
-            None => return Ok(Mapping::Silent),
-        }
+    let unassign = (assignment, 0, 0, 1);
+    for (index, sub, value, bytes) in [unassign].into_iter().chain(writes_of(pdo, &entries, 4)) {
+        outcome = match mailbox.download(index, sub, value, bytes).await? {
+            Some(Ok(_)) => continue,
+            Some(Err(code)) => Mapping::Fixed(code),
+            None => Mapping::Silent,
+        };
+        break;
     }
-    // The assignment is given back after a refused mapping as well.
-    for (sub, object) in (1_u8..).zip(assigned) {
-        mailbox
-            .download(assignment, sub, (*object).into(), 2)
-            .await?;
+    // After a refusal in the middle, too, both get back what they held.
+    for (index, sub, value, bytes) in [
+        writes_of(pdo, &entries, 4),
+        writes_of(assignment, &assigned, 2),
+    ]
+    .concat()
+    {
+        mailbox.download(index, sub, value, bytes).await?;
     }
-    let count = u8::try_from(assigned.len()).unwrap_or(0);
-    mailbox.download(assignment, 0, count.into(), 1).await?;
-    Ok(outcome)
+    let now = [
+        held(mailbox, assignment, MAX_ASSIGNED).await?,
+        held(mailbox, pdo, MAX_ENTRIES).await?,
+    ];
+    Ok(if now == [Ok(assigned), Ok(entries)] {
+        outcome
+    } else {
+        Mapping::NotRestored
+    })
 }

@@ -7,7 +7,7 @@ use crate::clock;
 /// Longest wait for an answer, µs.
 const ANSWER_US: u64 = 1_000_000;
 /// Requests without an answer after which a device is asked no more.
-const PATIENCE: u32 = 3;
+const PATIENCE: u32 = 4;
 /// Messages that are read while waiting for one answer.
 const MESSAGES: u32 = 32;
 /// Mailbox type of CoE, and its services.
@@ -44,7 +44,7 @@ impl<'a> Mailbox<'a> {
 
     /// Reads an object of at most four bytes. `None` without an answer.
     pub(super) async fn upload(&mut self, index: u16, sub: u8) -> Result<Response, ScanError> {
-        self.request(0x40, index, sub, [0; 4]).await
+        self.twice(0x40, index, sub, [0; 4]).await
     }
 
     /// Writes an object of at most four bytes. `None` without an answer.
@@ -56,7 +56,21 @@ impl<'a> Mailbox<'a> {
         length: u8,
     ) -> Result<Response, ScanError> {
         let command = 0x23 | (4 - length.clamp(1, 4)) << 2;
-        self.request(command, index, sub, value.to_le_bytes()).await
+        self.twice(command, index, sub, value.to_le_bytes()).await
+    }
+
+    /// Sends a request again that was not answered: an answer whose frame is lost does not come back.
+    async fn twice(
+        &mut self,
+        command: u8,
+        index: u16,
+        sub: u8,
+        data: [u8; 4],
+    ) -> Result<Response, ScanError> {
+        match self.request(command, index, sub, data).await? {
+            None => self.request(command, index, sub, data).await,
+            answer => Ok(answer),
+        }
     }
 
     async fn request(

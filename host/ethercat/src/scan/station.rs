@@ -107,10 +107,14 @@ impl Station {
             return Ok(None);
         }
         let answer = Command::fprd(self.address, start)
-            .ignore_wkc()
             .receive_slice(self.main, length)
             .await;
-        Ok(Some(answer.map_err(failed("reading a mailbox"))?.to_vec()))
+        match answer {
+            Ok(message) => Ok(Some(message.to_vec())),
+            // It was read, and the frame with it was lost.
+            Err(Error::WorkingCounter { .. }) => Ok(None),
+            Err(error) => Err(failed("reading a mailbox")(error)),
+        }
     }
 
     /// Writes a whole mailbox. False if the device does not take it: the last request is still in

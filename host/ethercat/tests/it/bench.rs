@@ -1,8 +1,11 @@
 //! A bus of emulated drives, and a server's cycles on it.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, Kinematic};
 use gantry_tau_ethercat::{
-    Condition, DriveConfig, Drives, Fault, Input, Offset, Place, Settings, Target,
+    Condition, DriveConfig, Drives, Fault, Input, Offset, Place, Settings, Target, Wire as _,
 };
 
 pub(crate) const VENDOR: u32 = 0x0000_0A11;
@@ -61,6 +64,73 @@ pub(crate) fn setups(count: u32) -> Vec<DriveSetup> {
     (0..count).map(setup).collect()
 }
 
+/// A wire that loses frames on their way back.
+#[derive(Clone)]
+pub(crate) struct Lossy {
+    wire: Wire,
+    /// Frames that have come back.
+    frames: Arc<AtomicU64>,
+    /// One of so many is lost; 0: none.
+    one_of: u64,
+    /// The number of the first of those that are lost, all of them.
+    from: Arc<AtomicU64>,
+}
+
+impl Lossy {
+    pub(crate) fn new(wire: Wire, one_of: u64) -> Self {
+        let [frames, from] = [0, u64::MAX].map(AtomicU64::new).map(Arc::new);
+        Self {
+            wire,
+            frames,
+            one_of,
+            from,
+        }
+    }
+
+    /// Loses all frames but the next ones.
+    pub(crate) fn pass(&self, frames: u64) {
+        let next = self.frames.load(Ordering::Relaxed) + frames;
+        self.from.store(next, Ordering::Relaxed);
+    }
+}
+
+impl gantry_tau_ethercat::Wire for Lossy {
+    fn now_us(&self) -> u64 {
+        self.wire.now_us()
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.wire.now_ns()
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), gantry_tau_ethercat::WireError> {
+        self.wire.send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8]) -> Option<usize> {
+        let length = self.wire.receive(buffer)?;
+        let frame = self.frames.fetch_add(1, Ordering::Relaxed);
+        let is_one = self.one_of > 0 && frame % self.one_of == self.one_of - 1;
+        (!is_one && frame < self.from.load(Ordering::Relaxed)).then_some(length)
+    }
+
+    fn wait_until(&mut self, us: u64) {
+        self.wire.wait_until(us);
+    }
+
+    fn begin_cycles(&mut self, cycles: u64, cycle_us: u64) {
+        self.wire.begin_cycles(cycles, cycle_us);
+    }
+
+    fn makes_cycles(&self) -> bool {
+        self.wire.makes_cycles()
+    }
+
+    fn shift_cycles(&mut self, ns: i64) {
+        self.wire.shift_cycles(ns);
+    }
+}
+
 /// References of motors that stand, with their offsets.
 pub(crate) fn standing<const M: usize>(inputs: &[Input; M], offsets: &[Offset; M]) -> [Target; M] {
     std::array::from_fn(|motor| Target {
@@ -98,7 +168,6 @@ impl<const M: usize> Server<M> {
 
     /// A cycle with the targets as they are.
     pub(crate) fn cycle(&mut self) -> Result<(), Fault> {
-        use gantry_tau_ethercat::Wire as _;
         self.wire.clone().begin_cycles(1, CYCLE_US);
         if self.drives.condition() != Condition::Running {
             let offsets = self.targets.map(|target| target.offset);

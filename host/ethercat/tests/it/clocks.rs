@@ -2,15 +2,15 @@
 
 use gantry_tau_ethercat::emulation::Instrument;
 use gantry_tau_ethercat::emulation::{
-    Chain, ClockHandle, ClockSetup, Drive, EmulatedWire, Kinematic, Node, Plain, SubDevice,
-    Sync0Intervals,
+    Chain, ClockHandle, ClockSetup, Drive, EmulatedWire, Kinematic, Node, Plain, PowerState,
+    SubDevice, Sync0Intervals,
 };
 use gantry_tau_ethercat::steering::SteeringFault;
 use gantry_tau_ethercat::{
     BringUpError, ClockSettings, Condition, Drives, Fault, Offset, Wire as _,
 };
 
-use crate::bench::{CYCLE_US, SETTINGS, Server, Wire, configs, setup, standing};
+use crate::bench::{CYCLE_US, Lossy, SETTINGS, Server, Wire, configs, setup, standing};
 
 const CLOCKS: ClockSettings = ClockSettings {
     sync0_ns: 1_000_000,
@@ -296,6 +296,26 @@ fn every_register_and_object_that_differs_is_named() {
             types: 0x0003
         })
     );
+    // A drive that keeps another synchronisation.
+    let keeping = Drive::new(&setup(1))
+        .with_synchronisation(SYNC0_ONLY)
+        .keeping_synchronisation();
+    let nodes = vec![
+        drive(0, 0),
+        Node::Drive(SubDevice::of(keeping).with_clock(ClockSetup::default())),
+        drive(2, 0),
+    ];
+    let wire = EmulatedWire::new(Chain::of(nodes, Kinematic));
+    assert_eq!(
+        started(&wire, CLOCKS).err(),
+        Some(BringUpError::Synchronisation {
+            motor: 1,
+            object: 0x1C32,
+            sub: 1,
+            wanted: 2,
+            found: 0
+        })
+    );
     // A drive whose controller ignores the period.
     let wire = chain([0; 3]);
     wire.bench()
@@ -317,6 +337,73 @@ fn every_register_and_object_that_differs_is_named() {
     let Err(BringUpError::ClockApart { motor: 2, .. }) = started(&wire, CLOCKS).map(drop) else {
         panic!("led");
     };
+}
+
+/// By SYNC0, in the length of the cycle.
+#[test]
+fn drives_are_told_to_follow_sync0() {
+    let server = running([0; 3]);
+    let mut bench = server.wire.bench();
+    for position in 1..=3 {
+        let drive = bench.chain.subdevice_mut(position).unwrap().drive_mut();
+        let told =
+            [(0x1C32, 1), (0x1C33, 1), (0x1C32, 2)].map(|(index, sub)| drive.object(index, sub));
+        assert_eq!(told, [2, 2, 1_000_000]);
+    }
+}
+
+/// After a jump of the reference drives stand far from its pulses: a re-arm waits for the phase.
+#[test]
+fn a_rearm_leads_drives_on_in_phase_only() {
+    let mut server = running([0; 3]);
+    server
+        .wire
+        .bench()
+        .chain
+        .subdevice_mut(1)
+        .unwrap()
+        .clock_mut()
+        .unwrap()
+        .jump(450_000);
+    let (_, fault) = server.until_fault(10);
+    assert!(matches!(fault, Fault::Clock(_)), "{fault}");
+    // They stop. A re-arm beyond 400 us is a fault again; between there and the pulse's place it waits.
+    while server.drives.phase_ns().unwrap().abs() > 390_000 {
+        let _stopping = server.cycle();
+    }
+    assert!(server.drives.phase_ns().unwrap().abs() > 380_000);
+    server.drives.rearm();
+    let mut cycles = 0;
+    while server.drives.condition() != Condition::Running {
+        let _rearming = server.cycle();
+        let mut bench = server.wire.bench();
+        let mut states = bench.chain.drives_mut().map(|drive| drive.state());
+        if server.drives.is_locked() != Some(true) {
+            assert!(
+                !states.any(|it| it == PowerState::OperationEnabled),
+                "cycle {cycles}"
+            );
+        }
+        drop(states);
+        drop(bench);
+        cycles += 1;
+        assert!(cycles < 3_000, "{:?}", server.drives.condition());
+    }
+    assert!(cycles > 200, "{cycles}");
+    assert!(server.drives.phase_ns().unwrap().abs() < 20_000);
+}
+
+/// A cable that is pulled before the start is not told as a phase.
+#[test]
+fn a_bus_that_is_gone_at_the_start_is_named() {
+    let wire = chain([0; 3]);
+    let lossy = Lossy::new(wire, 0);
+    let mut drives =
+        Drives::<_, 3>::bring_up_with(lossy.clone(), &configs(), SETTINGS, Some(CLOCKS)).unwrap();
+    // The first exchange still passes.
+    lossy.pass(1);
+    drives.start(|inputs| standing(inputs, &[Offset::default(); 3]));
+    assert_eq!(drives.condition(), Condition::Stopped(Fault::NoAnswer));
 }
 
 #[test]

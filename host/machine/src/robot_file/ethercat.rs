@@ -146,6 +146,8 @@ pub(super) fn check<const N: usize>(
             section.cycle_us
         );
         problems.add("ethercat.cycle_us", reason);
+    } else {
+        check_clocks(section, problems);
     }
     if !(1..=MAX_WATCHDOG_CYCLES).contains(&section.watchdog_cycles) {
         let reason = format!(
@@ -154,7 +156,6 @@ pub(super) fn check<const N: usize>(
         );
         problems.add("ethercat.watchdog_cycles", reason);
     }
-    check_clocks(section, problems);
     let (drives, count) = (section.drives.len(), motors.axis_of_motor.len());
     if drives != count {
         let reason = format!("lists {drives} drives, [motors] has {count} motors");

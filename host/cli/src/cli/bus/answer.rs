@@ -82,6 +82,6 @@ const fn is_writable(mapping: Mapping) -> Option<bool> {
     match mapping {
         Mapping::Written => Some(true),
         Mapping::Fixed(_) => Some(false),
-        Mapping::Silent => None,
+        Mapping::TooLong | Mapping::NotRestored | Mapping::Silent => None,
     }
 }

@@ -151,6 +151,8 @@ fn mapping(tried: Mapping) -> String {
     match tried {
         Mapping::Written => "can be written".to_owned(),
         Mapping::Fixed(code) => format!("is fixed (abort code {code:08X}h)"),
+        Mapping::TooLong => "is too long to be tried".to_owned(),
+        Mapping::NotRestored => "is not as it was: power the device off and on".to_owned(),
         Mapping::Silent => "no answer".to_owned(),
     }
 }
