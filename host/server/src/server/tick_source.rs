@@ -175,3 +175,103 @@ fn note_round_trip<const N: usize, const M: usize, P: Plant<N, M>>(
     let passed_us = now_ns().saturating_sub(state_left_ns) / 1_000;
     cycle.note_round_trip(u32::try_from(passed_us).unwrap_or(u32::MAX));
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use gantry_tau_core::{
+        Actual, AxisConfig, Config, EpochRange, InForce, LimitValues, Limits, MotorMap, Parameters,
+        PositionNm, Reference, Travel,
+    };
+
+    use super::*;
+    use crate::plant::{PlantError, Reading};
+    use crate::realtime::MAX_SHIFT_NS;
+    use crate::server::Server;
+    use crate::state::StopLatch;
+
+    /// Elapsed cycles and time of every `read`.
+    type Reads = Arc<Mutex<Vec<(u64, u64)>>>;
+
+    /// A machine on a bus with a clock that is slower than this computer's.
+    struct Steered {
+        in_force: [InForce; 1],
+        first_ns: u64,
+        reads: Reads,
+    }
+
+    impl Plant<1, 1> for Steered {
+        type Error = PlantError;
+
+        fn first_deadline_ns(&mut self) -> Option<u64> {
+            // That of the start is of no cycle.
+            self.reads.lock().unwrap().clear();
+            Some(self.first_ns)
+        }
+
+        fn deadline_shift_ns(&mut self) -> i64 {
+            // More than is granted.
+            10 * MAX_SHIFT_NS
+        }
+
+        fn in_force(&mut self) -> Result<[InForce; 1], PlantError> {
+            Ok(self.in_force)
+        }
+
+        fn read(&mut self, elapsed: u64) -> Result<Reading<1>, PlantError> {
+            self.reads.lock().unwrap().push((elapsed, now_ns()));
+            Ok(Reading::of_axes([PositionNm(0)], [Actual::ZERO]))
+        }
+
+        fn write(&mut self, _: &[Reference; 1], parts: &[InForce; 1]) -> Result<(), PlantError> {
+            self.in_force = *parts;
+            Ok(())
+        }
+    }
+
+    /// No cycle begins before the time that the machine's shifts give it. (One that ignores them
+    /// begins 1 us earlier from cycle to cycle; how late a cycle is does not matter.)
+    #[test]
+    fn cycles_begin_where_the_machine_wants_them() {
+        let values = LimitValues {
+            max: 2_000_000,
+            step: 5_000,
+            accel: 10_000,
+            ramp: 100,
+        };
+        let limits = Limits::new(values).unwrap();
+        let axis = AxisConfig::position_only(limits, Travel::around_zero(1_000_000_000), 2_000_000);
+        let reads = Reads::default();
+        let machine = Steered {
+            in_force: [InForce::at(PositionNm(0))],
+            first_ns: now_ns() + 50_000_000,
+            reads: Arc::clone(&reads),
+        };
+        let first_ns = machine.first_ns;
+        let cycle = Cycle::new(
+            Config::new(Parameters::thesis([axis])).unwrap(),
+            MotorMap::new([0]).unwrap(),
+            machine,
+            EpochRange::VOLATILE,
+            StopLatch::volatile(),
+            std::net::SocketAddr::from(([127, 0, 0, 1], 0)),
+        )
+        .unwrap();
+        let (server, _records) = Server::spawn(cycle, TickSource::RealTime).unwrap();
+        while reads.lock().unwrap().len() < 400 {
+            std::thread::yield_now();
+        }
+        server.quit().unwrap();
+        let mut cycles = 0;
+        for (number, &(elapsed, at_ns)) in (0_u64..).zip(reads.lock().unwrap().iter()) {
+            cycles += elapsed;
+            let begin_ns = first_ns + (cycles - 1) * PERIOD_NS + number * 1_000;
+            assert!(
+                at_ns >= begin_ns,
+                "cycle {number}: {} ns early",
+                begin_ns - at_ns
+            );
+        }
+    }
+}
