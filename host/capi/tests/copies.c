@@ -8,7 +8,12 @@
 
 #define TICKS 100
 
-static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) memory, saved_memory;
+/* With room for a copy that begins below the server. */
+static struct {
+    GT_MEMORY(GT_SERVER_SIZE_6) below;
+    GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) server;
+} room;
+static GT_MEMORY(GT_SERVER_SIZE_6_BLACK_BOX) saved_memory;
 static GT_MEMORY(GT_SENSOR_SIZE) sensor_memory, saved_sensor_memory;
 static GT_MEMORY(GT_F1_SIZE) f1_memory;
 static GT_MEMORY(GT_F1_TRACKER_SIZE) tracker_memory, saved_tracker_memory;
@@ -56,10 +61,14 @@ static void go_on(gt_server *server, struct said *said)
     }
 }
 
-static void servers(void)
+static void servers(uint32_t axes, uint32_t black_box_ticks)
 {
     static struct said first, again, restored;
-    static const uint8_t hello[16] = {'G', 'T', 2, 1, 4, 0, 0, 0, 6, 0, 0, 0, 0xee, 0xa3, 0xe6, 0x45};
+    static const uint8_t hellos[2][16] = {
+        {'G', 'T', 2, 1, 4, 0, 0, 0, 3, 0, 0, 0, 0xdc, 0x53, 0x38, 0x72},
+        {'G', 'T', 2, 1, 4, 0, 0, 0, 6, 0, 0, 0, 0xee, 0xa3, 0xe6, 0x45},
+    };
+    const uint8_t *hello = hellos[axes == 6];
     gt_server_config config;
     gt_start start;
     gt_tick_input input;
@@ -73,11 +82,11 @@ static void servers(void)
     memset(&input, 0, sizeof input);
     input.reading = GT_READING_DONE;
     input.stop = input.rearm = GT_RELEASED;
-    EXPECT(OK, gt_server_config_thesis(&config, 6));
-    config.black_box_ticks = GT_BLACK_BOX_TICKS;
-    EXPECT(OK, gt_server_init(&memory, sizeof memory, &config, &start, &server, NULL));
+    EXPECT(OK, gt_server_config_thesis(&config, axes));
+    config.black_box_ticks = black_box_ticks;
+    EXPECT(OK, gt_server_init(&room.server, sizeof room.server, &config, &start, &server, NULL));
     EXPECT(OK, gt_server_open(server, GT_TRANSPORT_STREAM, &connection));
-    EXPECT(OK, gt_server_feed(server, connection, hello, sizeof hello, NULL));
+    EXPECT(OK, gt_server_feed(server, connection, hello, sizeof hellos[0], NULL));
     EXPECT(OK, gt_server_tick(server, &input, &output, NULL));
 
     /* The references of the tick wait for their fate, in the copy, too. */
@@ -90,7 +99,7 @@ static void servers(void)
     EXPECT(OK, gt_server_copy(server, &saved_memory, sizeof saved_memory, &saved, NULL));
     go_on(server, &first);
     REFUSE(first.frame_count < TICKS / 2)
-    EXPECT(OK, gt_server_copy(saved, &memory, sizeof memory, &server, NULL));
+    EXPECT(OK, gt_server_copy(saved, &room.server, sizeof room.server, &server, NULL));
     go_on(server, &restored);
     REFUSE(memcmp(&first, &restored, sizeof first) != 0)
     go_on(saved, &again);
@@ -103,9 +112,10 @@ static void servers(void)
     EXPECT(NULL_POINTER, gt_server_copy(server, NULL, sizeof saved_memory, &none, &error));
     EXPECT(NULL_POINTER, gt_server_copy(server, &saved_memory, sizeof saved_memory, NULL, &error));
     EXPECT(MISALIGNED, gt_server_copy(server, saved_memory.bytes + 4, sizeof saved_memory - 4, &none, &error));
-    EXPECT(MEMORY_TOO_SMALL, gt_server_copy(server, &saved_memory, GT_SERVER_SIZE_6, &none, &error));
-    EXPECT(OVERLAP, gt_server_copy(server, &memory, sizeof memory, &none, &error));
-    EXPECT(OVERLAP, gt_server_copy(server, memory.bytes + 64, sizeof memory - 64, &none, &error));
+    EXPECT(MEMORY_TOO_SMALL, gt_server_copy(server, &saved_memory, GT_SERVER_SIZE_3 / 2, &none, &error));
+    EXPECT(OVERLAP, gt_server_copy(server, &room.server, sizeof room.server, &none, &error));
+    EXPECT(OVERLAP, gt_server_copy(server, room.server.bytes + 64, sizeof room.server - 64, &none, &error));
+    EXPECT(OVERLAP, gt_server_copy(server, room.below.bytes + sizeof room.below - 64, sizeof room.server, &none, &error));
     EXPECT(NO_OBJECT, gt_server_copy((gt_server *)&sensor_memory, &saved_memory, sizeof saved_memory, &none, &error));
     REFUSE(none)
     /* The refusals have changed neither of them. */
@@ -144,7 +154,7 @@ static void sensors(void)
     }
     REFUSE(taring[0] || load[0].force_n[0] <= 0)
     EXPECT(OVERLAP, gt_sensor_copy(sensor, &sensor_memory, sizeof sensor_memory, &none, NULL));
-    EXPECT(NO_OBJECT, gt_sensor_copy((gt_sensor *)&memory, &saved_sensor_memory, sizeof saved_sensor_memory, &none, NULL));
+    EXPECT(NO_OBJECT, gt_sensor_copy((gt_sensor *)&room.server, &saved_sensor_memory, sizeof saved_sensor_memory, &none, NULL));
     REFUSE(none)
 }
 
@@ -172,7 +182,10 @@ static void trackers(void)
 
 int main(void)
 {
-    servers();
+    for (int axes = 3; axes <= 6; axes += 3) {
+        servers((uint32_t)axes, GT_BLACK_BOX_NONE);
+        servers((uint32_t)axes, GT_BLACK_BOX_TICKS);
+    }
     sensors();
     trackers();
     printf("%d calls\n", calls);

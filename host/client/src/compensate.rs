@@ -1,6 +1,8 @@
 //! Compensation of one cycle, from a raw force sample and the nominal positions to offsets, with
 //! core's sensor and compensator.
 
+use std::io;
+
 use std::error::Error;
 
 use gantry_tau_core::control::message::Welcome;
@@ -37,9 +39,6 @@ pub enum SetupError {
         #[source]
         reason: SensorError,
     },
-    /// The system has no thread for the notches.
-    #[error("no thread for the notches of the filter: {0}")]
-    Thread(#[from] std::io::Error),
 }
 
 /// Samples of the instruments at the tool.
@@ -105,7 +104,7 @@ impl<const N: usize> Compensation<N> {
             sensor
                 .set_notches(&at_home.unwrap_or_default())
                 .map_err(refused)?;
-            notches = Some(FollowingNotches::start(finder, home)?);
+            notches = Some(FollowingNotches::new(finder, home));
         }
         let feed_forward = match robot.client.feed_forward {
             FeedForwardKey::None => None,
@@ -134,14 +133,17 @@ impl<const N: usize> Compensation<N> {
         })
     }
 
-    /// Finds the notches of the filter in the cycle that asks for them, without a thread: for a
-    /// program whose time does not pass meanwhile.
-    #[must_use]
-    pub fn in_step(self) -> Self {
-        Self {
-            notches: self.notches.map(FollowingNotches::in_step),
+    /// Finds the notches of the filter in a thread of its own, which ends with this value: for a client
+    /// in real time, whose cycle has no time for it.
+    ///
+    /// # Errors
+    /// The system has no thread.
+    pub fn in_background(self) -> io::Result<Self> {
+        let notches = self.notches.map(FollowingNotches::in_background);
+        Ok(Self {
+            notches: notches.transpose()?,
             ..self
-        }
+        })
     }
 
     /// Returns the position offsets of one cycle for the samples and the nominal positions of a tick.

@@ -1,6 +1,7 @@
 //! The compensating client between a State and its answer: no sockets, no clock, no switches.
 
 use std::fmt::Display;
+use std::io;
 
 use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::client::Answer;
@@ -80,14 +81,16 @@ impl<const N: usize> Controller<N> {
         })
     }
 
-    /// Finds the notches of the filter in the cycle that asks for them, without a thread: for a
-    /// program whose time does not pass meanwhile.
-    #[must_use]
-    pub fn in_step(self) -> Self {
-        Self {
-            compensation: self.compensation.in_step(),
+    /// Finds the notches of the filter in a thread; as [`Compensation::in_background`].
+    ///
+    /// # Errors
+    /// The system has no thread.
+    pub fn in_background(self) -> io::Result<Self> {
+        let compensation = self.compensation.in_background()?;
+        Ok(Self {
+            compensation,
             ..self
-        }
+        })
     }
 
     /// Computes new targets from a new sample; without one the last targets stand, for a while.
@@ -216,7 +219,8 @@ impl<const N: usize> Controller<N> {
         }
     }
 
-    /// Takes note of the answer that was sent. Returns true if it is the first of its mode.
+    /// Takes note of the answer that was sent. Returns true if the mode has changed; before the first answer
+    /// it is Submit.
     pub fn note_answer(&mut self, answer: &Answer<N>) -> bool {
         let obtaining = answer.command.mode == Mode::Obtain;
         for (cut, axis) in self.cut.iter_mut().zip(answer.saturated) {

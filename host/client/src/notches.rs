@@ -1,7 +1,8 @@
 //! Notches of the force sensor's filter, which follow the machine.
 //!
 //! The natural frequencies of a machine change with its place. The notches for another place are
-//! found in a thread of their own: a cycle has no time for it.
+//! found in the cycle that needs them, or in a thread of their own: a cycle in real time has no time for
+//! it.
 
 use std::io;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -22,7 +23,7 @@ type Place<const N: usize> = (Pose, [f64; N]);
 #[derive(Debug)]
 pub(crate) struct FollowingNotches<const N: usize> {
     finder: NotchFinder<N>,
-    /// Place of the notches in use, or of those that are being found.
+    /// Place of the notches in use, or, with a thread, of those that it was asked for last.
     last: Pose,
     /// The thread that finds them; absent where they are found in the cycle that asks.
     thread: Option<Thread<N>>,
@@ -35,7 +36,7 @@ struct Thread<const N: usize> {
     found: Receiver<Notches>,
 }
 
-/// A copy has no thread.
+/// A copy has no thread; notches that the first one's thread still looks for do not come to it.
 impl<const N: usize> Clone for FollowingNotches<N> {
     fn clone(&self) -> Self {
         Self {
@@ -47,24 +48,22 @@ impl<const N: usize> Clone for FollowingNotches<N> {
 }
 
 impl<const N: usize> FollowingNotches<N> {
-    /// Starts the thread. The notches in use are those of `home`.
+    /// Creates notches that are found in the cycle that asks for them. Those in use are those of `home`.
+    pub(crate) const fn new(finder: NotchFinder<N>, home: Pose) -> Self {
+        Self {
+            finder,
+            last: home,
+            thread: None,
+        }
+    }
+
+    /// Starts the thread.
     ///
     /// # Errors
     /// The system has no thread.
-    pub(crate) fn start(finder: NotchFinder<N>, home: Pose) -> io::Result<Self> {
-        Ok(Self {
-            finder,
-            last: home,
-            thread: Some(Thread::start(finder)?),
-        })
-    }
-
-    /// Ends the thread: notches are found in the cycle that asks for them.
-    pub(crate) fn in_step(self) -> Self {
-        Self {
-            thread: None,
-            ..self
-        }
+    pub(crate) fn in_background(self) -> io::Result<Self> {
+        let thread = Some(Thread::start(self.finder)?);
+        Ok(Self { thread, ..self })
     }
 
     /// Tells the place of the machine. Returns notches that were found since.

@@ -116,9 +116,11 @@ fn hold_session<K: MachineKind<N>, const N: usize>(
         .map_err(|error| ClientError::Setup(error.to_string()))?;
     // A server in lock-step waits, and its sessions come out the same each time.
     let controller = if welcome.capabilities.contains(Capabilities::LOCKSTEP) {
-        controller.in_step()
-    } else {
         controller
+    } else {
+        controller.in_background().map_err(|error| {
+            ClientError::Setup(format!("no thread for the notches of the filter: {error}"))
+        })?
     };
     let mut session = ClientSession {
         link,

@@ -5,6 +5,9 @@ use std::str::FromStr;
 
 use crate::variable::Variable;
 
+/// Text of a library of units, and of no other: which version it has.
+pub const MARK: &str = concat!("gantry-tau units ", env!("CARGO_PKG_VERSION"));
+
 /// Kind of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -62,9 +65,10 @@ impl Kind {
     }
 
     /// Returns the GUID of a unit of this kind: it tells kind and number of axes, and the fingerprint
-    /// of the variables.
+    /// of version and variables.
     pub(crate) fn guid(self, axes: usize, variables: &[Variable]) -> String {
         let mut hasher = crc32fast::Hasher::new();
+        hasher.update(MARK.as_bytes());
         for variable in variables {
             hasher.update(variable.fingerprint().as_bytes());
         }

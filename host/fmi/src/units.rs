@@ -3,6 +3,7 @@
 mod compensator;
 mod conversions;
 mod machine;
+mod ports;
 mod server;
 
 use gantry_tau_machine::model::{F1_MOTORS, L2_MOTORS, MachineKind};

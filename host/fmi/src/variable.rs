@@ -112,6 +112,14 @@ impl Enumeration {
         }
     }
 
+    /// Returns the smallest and the largest code.
+    pub(crate) fn range(self) -> [f64; 2] {
+        let codes = self.items().into_iter().map(|(code, _, _)| f64::from(code));
+        codes.fold([0.0; 2], |[least, most], code| {
+            [least.min(code), most.max(code)]
+        })
+    }
+
     /// Returns code on the wire, name and description of each value.
     #[must_use]
     pub fn items(self) -> Vec<(u8, &'static str, String)> {
@@ -208,13 +216,18 @@ impl Variable {
         Err(text.trim_end().to_owned())
     }
 
-    /// Text that changes with everything that a master must know.
+    /// Text that changes with name, role and type. Ranges and starts are those of a robot file, which
+    /// may be edited in a unit.
     pub(crate) fn fingerprint(&self) -> String {
         let domain = match self.domain {
-            Domain::Real(unit) => unit.name(),
-            Domain::Integer => "integer",
-            Domain::Boolean => "boolean",
-            Domain::Enumeration(enumeration) => enumeration.name(),
+            Domain::Real(unit) => unit.name().to_owned(),
+            Domain::Integer => "integer".to_owned(),
+            Domain::Boolean => "boolean".to_owned(),
+            Domain::Enumeration(enumeration) => {
+                let items = enumeration.items().into_iter();
+                let items = items.map(|(code, name, _)| format!("{code} {name}"));
+                items.collect::<Vec<_>>().join(",")
+            }
         };
         format!("{} {} {domain};", self.name, self.causality.name())
     }

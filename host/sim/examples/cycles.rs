@@ -27,10 +27,7 @@ fn timed<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
 ) -> Result<Vec<Duration>, Box<dyn Error>> {
     let (_hand, tool) = load_generator();
-    let mut to_m = robot.home_q()?;
-    for (place, metres) in to_m.iter_mut().zip(&robot.metres_per_q) {
-        *place *= metres;
-    }
+    let mut to_m = robot.home_axes_m()?;
     to_m.iter_mut().take(3).for_each(|place| *place += WAY_M);
     let motion = Motion::BackAndForth {
         waypoints_m: vec![to_m],

@@ -266,6 +266,20 @@ mod tests {
     }
 
     #[test]
+    fn a_copy_has_the_present_load_and_no_generator() {
+        let (mut generator, applied) = load_generator();
+        generator.set(&uniform(3)).unwrap();
+        let mut copy = applied.clone();
+        generator.set(&uniform(5)).unwrap();
+        assert_eq!(copy.load(), uniform(3));
+        // Its own one moves the first no more.
+        let mut own = copy.generator();
+        own.set(&uniform(7)).unwrap();
+        let mut applied = applied;
+        assert_eq!((copy.load(), applied.load()), (uniform(7), uniform(5)));
+    }
+
+    #[test]
     fn a_bad_load_changes_nothing() {
         let (mut generator, mut applied) = load_generator();
         generator.set(&uniform(1)).unwrap();

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use crate::fmu::fmu;
 use crate::fmu::library::Library;
 use crate::terminal::say;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use gantry_tau_fmi::kind::Kind as UnitKind;
 use gantry_tau_machine::robot_file::text_of;
 use gantry_tau_system::output::{Kind, Output};
@@ -26,8 +27,8 @@ pub(crate) struct Fmu {
     #[command(flatten)]
     machine: MachineOption,
     /// Kind of the unit
-    #[arg(long)]
-    kind: KindChoice,
+    #[arg(long, value_parser = unit_kind())]
+    kind: UnitKind,
     /// Library of the units, one per platform (repeatable) [default: that of this computer, beside
     /// the program or in ../lib/gantry-tau from there]
     #[arg(long, value_name = "FILE")]
@@ -37,32 +38,17 @@ pub(crate) struct Fmu {
     output: Output,
 }
 
-/// Kind of a unit.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum KindChoice {
-    /// Server and compensating client: force and nominal positions to references, within limits
-    Server,
-    /// Simulated machine: references and load to positions, displacement and force reading
-    Machine,
-    /// Compensation alone: force and nominal positions to targets, without a session
-    Compensator,
-}
-
-impl From<KindChoice> for UnitKind {
-    fn from(choice: KindChoice) -> Self {
-        match choice {
-            KindChoice::Server => Self::Server,
-            KindChoice::Machine => Self::Machine,
-            KindChoice::Compensator => Self::Compensator,
-        }
-    }
+/// Reads a kind by its name.
+fn unit_kind() -> impl TypedValueParser<Value = UnitKind> {
+    let named = UnitKind::ALL.map(|kind| PossibleValue::new(kind.name()).help(kind.description()));
+    PossibleValuesParser::new(named).try_map(|name| name.parse())
 }
 
 impl Fmu {
     pub(super) fn run(self) -> Outcome {
         let named: Vec<PathBuf> = self.library.iter().map(|file| file.to_path_buf()).collect();
         let libraries = Library::find(&named)?;
-        let (kind, name) = (self.kind.into(), self.machine.name());
+        let (kind, name) = (self.kind, self.machine.name());
         let text = text_of(name)?;
         let bytes = fmu(kind, name, &text, &libraries)?;
         self.output.write_bytes(&bytes)?;

@@ -672,26 +672,12 @@ impl Serve {
         &self,
         robot: &RobotFile<K, N>,
     ) -> Result<Motion<N>, RobotFileError> {
-        let home_q = robot.home_q()?;
-        let scale = robot.metres_per_q;
-        let mut home_m = home_q;
-        for (place, scale) in home_m.iter_mut().zip(scale) {
-            *place *= scale;
-        }
-        Ok(self.motion_from(home_m))
+        Ok(self.motion_from(robot.home_axes_m()?))
     }
 
     /// The motion of the nominal path from where the axes stand, m.
     pub(super) fn motion_from<const N: usize>(&self, start_m: [f64; N]) -> Motion<N> {
-        if self.motion == 0.0 {
-            return Motion::Hold;
-        }
-        Motion::BackAndForth {
-            waypoints_m: vec![start_m.map(|place| place + self.motion * 1e-3)],
-            speed_m_per_s: 0.02,
-            acceleration_m_per_s2: 0.5,
-            dwell_cycles: 500,
-        }
+        Motion::by(start_m, self.motion * 1e-3)
     }
 
     /// The load on a simulated tool.

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use gantry_tau_fmi::kind::MARK;
+
 /// Largest library that is read, bytes.
 const MAX_LEN: u64 = 256 << 20;
-/// Name of a call of the interface, which every library of units exports.
-const CALL: &[u8] = b"fmi2DoStep";
 
 /// Platform of FMI 2.0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ pub enum LibraryError {
     },
     /// The file is another one.
     #[error(
-        "{0}: is not the library of the units for a platform that FMI 2.0 names (Linux and Windows on x86-64, macOS)"
+        "{0}: is not the library of {MARK} for a platform that FMI 2.0 names (Linux and Windows on x86-64, macOS)"
     )]
     Other(String),
     /// Two libraries are for one platform.
@@ -119,20 +119,20 @@ impl Library {
     /// # Errors
     /// [`LibraryError`].
     pub fn read(path: &Path) -> Result<Self, LibraryError> {
-        let shown = || path.display().to_string();
-        let unreadable = |reason: String| LibraryError::Unreadable {
-            path: shown(),
-            reason,
+        let shown = path.display().to_string();
+        let unreadable = |error: std::io::Error| LibraryError::Unreadable {
+            path: path.display().to_string(),
+            reason: error.to_string(),
         };
-        let length = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?;
+        let length = std::fs::metadata(path).map_err(unreadable)?;
         if !length.is_file() || length.len() > MAX_LEN {
-            return Err(LibraryError::Other(shown()));
+            return Err(LibraryError::Other(shown));
         }
-        let bytes = std::fs::read(path).map_err(|error| unreadable(error.to_string()))?;
-        let platform = Platform::of(&bytes).filter(|_| contains(&bytes, CALL));
+        let bytes = std::fs::read(path).map_err(unreadable)?;
+        let platform = Platform::of(&bytes).filter(|_| contains(&bytes, MARK.as_bytes()));
         match platform {
             Some(platform) => Ok(Self { platform, bytes }),
-            None => Err(LibraryError::Other(shown())),
+            None => Err(LibraryError::Other(shown)),
         }
     }
 

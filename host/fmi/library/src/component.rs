@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use gantry_tau_fmi::instance::{CallRefused, Instance, Saved};
-use gantry_tau_fmi::kind::Kind;
+use gantry_tau_fmi::kind::{Kind, MARK};
 use gantry_tau_fmi::resources::{ROBOT_FILE, folder};
 use gantry_tau_machine::robot_file::AnyRobotFile;
 
@@ -24,7 +24,7 @@ pub(crate) struct Component {
 impl Component {
     /// Creates the unit of a GUID for the robot file of a folder.
     pub(crate) fn new(guid: &str, resources: &str, logger: Logger) -> Result<Self, String> {
-        let other = "the description is of another unit; expected one of this version";
+        let other = format!("the description is of another unit; expected one of {MARK}");
         let kind =
             Kind::of_guid(guid).map_err(|error| format!("GUID {guid}: {other} ({error})"))?;
         let path = folder(resources)?.join(ROBOT_FILE);

@@ -6,8 +6,11 @@ use gantry_tau_machine::robot_file::CYCLE_US;
 const CYCLE_S: f64 = CYCLE_US as f64 * 1e-6;
 /// Largest deviation of a step from whole cycles, cycles: steps are sums and differences of times.
 const STEP_TOLERANCE: f64 = 1e-3;
-/// Largest deviation of a communication point, cycles: it is a sum of many steps.
+/// Largest deviation of a communication point, cycles, and in shares of the time since the start: it is a
+/// sum of many steps, each of which is rounded. Below half a cycle.
 const TIME_TOLERANCE: f64 = 0.1;
+const TIME_DRIFT: f64 = 1e-8;
+const MAX_TOLERANCE: f64 = 0.45;
 /// Most cycles of one step.
 const MAX_CYCLES: f64 = 1e6;
 /// Latest time, s: cycles of a simulation are counted exactly far beyond it.
@@ -43,6 +46,11 @@ impl SimulatedTime {
         self.start_s + self.cycles as f64 * CYCLE_S
     }
 
+    fn tolerance_s(&self) -> f64 {
+        let drift = TIME_DRIFT * self.cycles as f64;
+        (TIME_TOLERANCE + drift).min(MAX_TOLERANCE) * CYCLE_S
+    }
+
     pub(super) const fn advance(&mut self) {
         self.cycles = self.cycles.saturating_add(1);
     }
@@ -51,7 +59,7 @@ impl SimulatedTime {
     pub(super) fn cycles(&self, time: f64, length: f64) -> Result<u64, String> {
         let now = self.time();
         // `contains` refuses NaN.
-        let tolerance_s = TIME_TOLERANCE * CYCLE_S;
+        let tolerance_s = self.tolerance_s();
         if !(-tolerance_s..=tolerance_s).contains(&(time - now)) {
             return Err(format!("step at {time} s: the unit is at {now} s"));
         }
@@ -64,10 +72,7 @@ impl SimulatedTime {
             ));
         }
         let end = now + cycles * CYCLE_S;
-        if let Some(stop) = self
-            .stop_s
-            .filter(|stop| end > stop + TIME_TOLERANCE * CYCLE_S)
-        {
+        if let Some(stop) = self.stop_s.filter(|stop| end > stop + tolerance_s) {
             return Err(format!("step to {end} s: the experiment ends at {stop} s"));
         }
         Ok(cycles as u64)
@@ -77,6 +82,23 @@ impl SimulatedTime {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A master that adds the cycle up is off by the roundings.
+    #[test]
+    fn a_sum_of_steps_is_taken_for_a_day() {
+        let mut time_s = 0.0;
+        for cycles in 0..86_400_000_u64 {
+            if cycles % 3_600_000 == 0 {
+                let unit = SimulatedTime {
+                    cycles,
+                    ..SimulatedTime::default()
+                };
+                assert_eq!(unit.cycles(time_s, 1e-3), Ok(1), "{cycles}");
+                assert!(unit.cycles(time_s + 1e-3, 1e-3).is_err());
+            }
+            time_s += 1e-3;
+        }
+    }
 
     #[test]
     fn whole_multiples_are_steps_and_nothing_else_is() {

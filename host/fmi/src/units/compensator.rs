@@ -11,7 +11,7 @@ use gantry_tau_machine::robot_file::{CYCLE_US, RobotFile};
 
 use super::Unit;
 use super::conversions::{corrected, home_m, positions, share};
-use super::server::{ForceInputs, LoadOutputs, largest_offsets_m, nominal_inputs};
+use super::ports::{ForceInputs, LoadOutputs, largest_offsets_m, nominal_inputs};
 use crate::log::Log;
 use crate::variable::Causality::Output;
 use crate::variable::{Declarations, Domain, Group, Unit as UnitOf, Values};
@@ -100,7 +100,7 @@ impl<K: MachineKind<N>, const N: usize> CompensatorUnit<K, N> {
             limits: self.robot.limits.map(|axis| axis.limits),
         };
         let compensation = Compensation::new(&self.robot, &terms);
-        Ok(compensation.map_err(|error| error.to_string())?.in_step())
+        compensation.map_err(|error| error.to_string())
     }
 }
 

@@ -23,8 +23,6 @@ use crate::variable::{Declarations, Domain, Group, Unit as UnitOf, Values};
 
 /// Largest motion of the path, m.
 const MAX_MOTION_M: f64 = 1.0;
-/// Speed (m/s), acceleration (m/s^2) and rests (cycles) of the path: as of `gantry-tau serve --motion`.
-const MOTION: (f64, f64, u32) = (0.02, 0.5, 500);
 
 /// Variables.
 #[derive(Clone, Copy)]
@@ -239,23 +237,8 @@ impl<K: MachineKind<N>, const N: usize, const M: usize> MachineUnit<K, N, M> {
             ..(*self.robot).clone()
         };
         let [motion_m] = values.get(self.ports.motion);
-        let motion = match motion_m {
-            0.0 => Motion::Hold,
-            _ => {
-                let (speed_m_per_s, acceleration_m_per_s2, dwell_cycles) = MOTION;
-                let home_q = robot.home_q().map_err(|error| error.to_string())?;
-                let mut to_m = home_q;
-                for (place, metres) in to_m.iter_mut().zip(robot.metres_per_q) {
-                    *place = *place * metres + motion_m;
-                }
-                Motion::BackAndForth {
-                    waypoints_m: vec![to_m],
-                    speed_m_per_s,
-                    acceleration_m_per_s2,
-                    dwell_cycles,
-                }
-            }
-        };
+        let home_m = robot.home_axes_m().map_err(|error| error.to_string())?;
+        let motion = Motion::by(home_m, motion_m);
         let (_hand, tool) = load_generator();
         SimulatedMachine::moving_from_robot(&robot, tool, motion).map_err(|error| error.to_string())
     }

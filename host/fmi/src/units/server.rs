@@ -14,12 +14,11 @@ use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::RobotFile;
 
 use super::Unit;
-use super::conversions::{home_m, positions};
+use super::conversions::{home_m, metres, positions};
 use crate::log::Log;
 use crate::variable::{Declarations, Values};
 use client::{UnitClient, Wishes};
 use ports::ServerPorts;
-pub(super) use ports::{ForceInputs, LoadOutputs, largest_offsets_m, nominal_inputs};
 
 /// A server in use.
 #[derive(Clone)]
@@ -81,7 +80,7 @@ impl<K: MachineKind<N>, const N: usize> Unit for ServerUnit<K, N> {
             was_connected: false,
             waits: false,
         });
-        values.put(self.ports.reference, values.get(self.ports.nominal));
+        values.put(self.ports.reference, metres(nominal));
         Ok(())
     }
 

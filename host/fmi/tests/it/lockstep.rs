@@ -49,16 +49,7 @@ fn served<K: MachineKind<N>, const N: usize, const M: usize>(
     session: usize,
 ) -> (Vec<TickRecord<N>>, usize, usize) {
     let (mut hand, tool) = load_generator();
-    let mut to_m = robot.home_q().unwrap();
-    for (place, metres) in to_m.iter_mut().zip(&robot.metres_per_q) {
-        *place = *place * metres + MOTION_M;
-    }
-    let motion = Motion::BackAndForth {
-        waypoints_m: vec![to_m],
-        speed_m_per_s: 0.02,
-        acceleration_m_per_s2: 0.5,
-        dwell_cycles: 500,
-    };
+    let motion = Motion::by(robot.home_axes_m().unwrap(), MOTION_M);
     let machine = SimulatedMachine::<N, M>::moving_from_robot(robot, tool, motion).unwrap();
     let address: SocketAddr = "127.0.0.1:0".parse().unwrap();
     let mut cycle = Cycle::new(

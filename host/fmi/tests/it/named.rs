@@ -55,6 +55,15 @@ impl Named {
         self.instance.set(reference, value).unwrap();
     }
 
+    /// The value before the first step.
+    pub(crate) fn start(&self, name: &str) -> f64 {
+        let mut variables = self.instance.variables().iter();
+        variables
+            .find(|variable| variable.name == name)
+            .unwrap()
+            .start
+    }
+
     pub(crate) fn get(&self, name: &str) -> f64 {
         self.instance.get(self.reference(name)).unwrap()
     }

@@ -51,6 +51,36 @@ fn calls_out_of_turn_are_refused() {
     }
 }
 
+/// A unit has no samples of an accelerometer and takes no velocities.
+#[test]
+fn a_robot_file_for_velocities_is_for_the_compensator_alone() {
+    let text = include_str!("../../../../robots/l2.toml")
+        .replace(
+            "nominal_step_um = [2000.0, 2000.0, 2000.0]",
+            "nominal_step_um = [600.0, 600.0, 600.0]",
+        )
+        .replace(
+            "[[-0.51, 2.01], [-2.01, 0.51], [-0.51, 2.01]]",
+            "[[-0.53, 2.03], [-2.03, 0.53], [-0.53, 2.03]]",
+        );
+    let text = text.replacen(
+        "[simulation]",
+        "[drives]\ninterface = \"velocity\"\n[simulation]",
+        1,
+    );
+    let robot = AnyRobotFile::parse("velocity.toml", &text).unwrap();
+    for kind in Kind::ALL {
+        let unit = Instance::new(kind, robot.clone());
+        match kind {
+            Kind::Compensator => drop(unit.unwrap()),
+            _ => assert_eq!(
+                refused(unit),
+                "velocity.toml: drives.interface: is \"velocity\"; a unit takes \"position\""
+            ),
+        }
+    }
+}
+
 #[test]
 fn values_that_are_none_name_their_variable_and_change_nothing() {
     for (kind, name) in [

@@ -24,7 +24,14 @@ fn run(unit: &mut Named, kind: Kind, from: u32, to: u32) -> Vec<Vec<u64>> {
                     unit.set("reference[2]", nominal + offset);
                     unit.set("offset[2]", offset);
                 }
-                Kind::Server | Kind::Compensator => unit.set("force[1]", force),
+                Kind::Server | Kind::Compensator => {
+                    unit.set("force[1]", force);
+                    // Beyond 10 mm the notches of the filter are others.
+                    unit.set(
+                        "nominal[1]",
+                        unit.start("nominal[1]") + f64::from(tick) * 3e-5,
+                    );
+                }
             }
             unit.step(1);
             unit.bits()
@@ -104,6 +111,106 @@ fn a_long_step_is_many_short_ones_with_the_same_inputs() {
             assert_eq!(long.bits(), short.bits(), "{kind}, {cycles} cycles");
         }
     }
+}
+
+/// The notches of a filter follow the machine, in the cycle that needs them.
+#[test]
+fn the_filter_of_a_place_is_found_in_the_step() {
+    let loads = [0.0, 0.1, 0.1].map(|by_m| {
+        let mut unit = Named::begun(Kind::Compensator, &l2(), &[]);
+        unit.step(1_001);
+        let home_m = unit.start("nominal[1]");
+        unit.set("nominal[1]", home_m + by_m);
+        unit.step(1_000);
+        assert_eq!((unit.get("held"), unit.get("tared")), (0.0, 1.0));
+        unit.set("force[1]", 100.0);
+        (0..30)
+            .map(|_| {
+                unit.step(1);
+                unit.get("load_force[2]")
+            })
+            .collect::<Vec<_>>()
+    });
+    // With the same notches they differ by 1e-9, for the platform turns by as little.
+    let apart = loads[0]
+        .iter()
+        .zip(&loads[1])
+        .map(|(here, there)| (here - there).abs());
+    assert!(
+        apart.fold(0.0, f64::max) > 1e-3,
+        "another place, another filter"
+    );
+    assert_eq!(loads[1], loads[2], "nothing depends on a thread");
+}
+
+#[test]
+fn the_client_obtains_when_it_is_asked_to_and_not_before() {
+    let mut coupled = Coupled::new(&l2(), 0.0);
+    coupled.server.set("obtain", 0.0);
+    let pull = Load {
+        force_n: [200.0, 0.0, 0.0],
+        ..Load::default()
+    };
+    coupled.server_step(true);
+    steps(&mut coupled, 1_100, true);
+    let pulled = |coupled: &mut Coupled, ticks: u32| {
+        for _ in 0..ticks {
+            coupled.machine_step(&pull);
+            coupled.server_step(true);
+        }
+    };
+    pulled(&mut coupled, 500);
+    let row = coupled.row();
+    assert_eq!(row.phase.name(), "Submit");
+    assert!(row.computed_nm[0].abs() > 10_000, "{row:?}");
+    assert_eq!(row.offsets_nm, [0; 3]);
+    coupled.server.set("obtain", 1.0);
+    pulled(&mut coupled, 500);
+    let row = coupled.row();
+    assert_eq!(row.phase.name(), "Obtain");
+    assert!(row.offsets_nm[0].abs() > 10_000, "{row:?}");
+    coupled.server.set("obtain", 0.0);
+    pulled(&mut coupled, 3_000);
+    let row = coupled.row();
+    assert_eq!((row.phase.name(), row.offsets_nm), ("Submit", vec![0; 3]));
+}
+
+#[test]
+fn a_compensator_says_what_it_holds_and_what_it_cuts() {
+    let mut unit = Named::begun(Kind::Compensator, &l2(), &[]);
+    unit.step(1_001);
+    assert!(unit.get("tared") > 0.5);
+    assert!(unit.get("held") < 0.5);
+    unit.set("force[1]", 30_000.0);
+    unit.step(2_000);
+    assert!(unit.all("saturated", 3).contains(&1.0));
+    let target = unit.all("target", 3);
+    let home = unit.start("nominal[1]");
+    unit.set("nominal[1]", home + 900.0);
+    unit.step(1);
+    assert!(unit.get("held") > 0.5);
+    assert_eq!(unit.all("target", 3), target, "the last one stands");
+    unit.set("nominal[1]", home);
+    unit.set("force[1]", 0.0);
+    unit.step(3_000);
+    assert!(unit.get("held") < 0.5);
+    assert_eq!(unit.all("saturated", 3), [0.0; 3]);
+}
+
+/// The reset of the machine, and its springs alone.
+#[test]
+fn a_machine_without_masses_stands_where_its_springs_let_it_at_once() {
+    let displaced = |values: &[(&str, f64)], cycles| {
+        let mut unit = Named::begun(Kind::Machine, &l2(), values);
+        unit.step(10);
+        unit.set("load_force[1]", 100.0);
+        unit.step(cycles);
+        unit.get("displacement[1]")
+    };
+    let still = displaced(&[("quasi_static", 1.0)], 2);
+    assert!(still > 5e-5);
+    assert!(displaced(&[], 2) < still / 4.0, "masses");
+    assert!((displaced(&[], 20_000) - still).abs() < 1e-6);
 }
 
 /// Steps the coupled units.

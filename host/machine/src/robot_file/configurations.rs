@@ -33,6 +33,18 @@ impl<K: MachineKind<N>, const N: usize> RobotFile<K, N> {
             .map_err(|error| self.refuse("simulation.home_m", error))
     }
 
+    /// Positions of the axes at home, m: [`home_q`](Self::home_q) on the path of the references.
+    ///
+    /// # Errors
+    /// As [`home_q`](Self::home_q).
+    pub fn home_axes_m(&self) -> Result<[f64; N], RobotFileError> {
+        let mut axes_m = self.home_q()?;
+        for (place, metres) in axes_m.iter_mut().zip(&self.metres_per_q) {
+            *place *= metres;
+        }
+        Ok(axes_m)
+    }
+
     /// The session's configuration in the thesis profile: no echo window, no miss budget.
     ///
     /// # Errors

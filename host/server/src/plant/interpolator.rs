@@ -34,6 +34,23 @@ pub enum Motion<const N: usize> {
     },
 }
 
+impl<const N: usize> Motion<N> {
+    /// Back and forth from home, m, by so much on every axis, m, slowly and with rests: as with
+    /// `gantry-tau serve --motion`. By 0 they stay.
+    #[must_use]
+    pub fn by(home_m: [f64; N], by_m: f64) -> Self {
+        if by_m == 0.0 {
+            return Self::Hold;
+        }
+        Self::BackAndForth {
+            waypoints_m: vec![home_m.map(|place| place + by_m)],
+            speed_m_per_s: 0.02,
+            acceleration_m_per_s2: 0.5,
+            dwell_cycles: 500,
+        }
+    }
+}
+
 /// A number that is NaN, infinite, or outside its range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutOfRange {

@@ -31,7 +31,11 @@ impl Folder {
 }
 
 /// A text of each kind of which a file is replaced.
-const TEXTS: [(Kind, &str); 10] = [
+const TEXTS: [(Kind, &str); 11] = [
+    (
+        Kind::Fmu,
+        "PK\u{3}\u{4}modelDescription.xml binaries/linux64/gantry_tau_server.so",
+    ),
     (
         Kind::Page,
         "<!doctype html><html lang=\"en\"><body>x</body></html>\n",
@@ -231,7 +235,7 @@ fn a_table_into_a_pipe_that_is_not_read_is_an_error() {
 }
 
 /// Measured and foreign files, which no output replaces.
-const OTHERS: [(&str, &str); 8] = [
+const OTHERS: [(&str, &str); 9] = [
     (
         "rows.csv",
         "series,mounting,pose,window,stroke\nx,1,home,1,1\n",
@@ -254,6 +258,10 @@ const OTHERS: [(&str, &str); 8] = [
         "<!doctype html><html><body>the user's own</body></html>",
     ),
     ("package.json", "{\n  \"name\": \"x\"\n}"),
+    (
+        "controller.fmu",
+        "PK\u{3}\u{4}modelDescription.xml binaries/linux64/controller.so",
+    ),
     ("notes.txt", "kept"),
 ];
 

@@ -142,7 +142,7 @@ impl<const N: usize> UnitClient<N> {
     ) {
         let margin = wishes.margin.clone();
         match Controller::new(wishes.robot, welcome, margin, wishes.accept_unstable) {
-            Ok(controller) => self.controller = Some(controller.in_step()),
+            Ok(controller) => self.controller = Some(controller),
             Err(error) => {
                 log.warn(format!("the client leaves: {error}"));
                 self.is_over = true;
