@@ -27,8 +27,9 @@ pub(crate) const FIRST_STATION: u16 = 0x1000;
 const DIVIDER: u16 = 2_498;
 /// Tick of the watchdogs, µs.
 const WATCHDOG_TICK_US: u32 = 100;
-/// Control byte of sync manager 2, and its bit that triggers the watchdog.
-const OUTPUTS_CONTROL: u16 = 0x0814;
+/// Place of the control byte among the registers of a sync manager, and its bit that triggers the
+/// watchdog.
+const SYNC_MANAGER_CONTROL: u16 = 4;
 const TRIGGERS_WATCHDOG: u8 = 0x40;
 
 /// Drives of the file; nothing else on the bus is touched.
@@ -36,14 +37,14 @@ type Group<S> = SubDeviceGroup<MAX_SUBDEVICES, MAX_IMAGE, DefaultLock, S>;
 
 /// Place of a drive on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum DrivePlace {
     /// Alias in its EEPROM.
     Alias(u16),
     /// Number of SubDevices before it.
     Position(u16),
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for DrivePlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Alias(alias) => write!(f, "alias {alias}"),
@@ -56,7 +57,7 @@ impl std::fmt::Display for Place {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveConfig {
     /// Place.
-    pub place: Place,
+    pub place: DrivePlace,
     /// Vendor.
     pub vendor: u32,
     /// Product code.
@@ -160,10 +161,10 @@ impl Found {
         }
     }
 
-    const fn is_at(&self, place: Place) -> bool {
+    const fn is_at(&self, place: DrivePlace) -> bool {
         match place {
-            Place::Alias(alias) => self.alias == alias && alias != 0,
-            Place::Position(position) => self.station.wrapping_sub(FIRST_STATION) == position,
+            DrivePlace::Alias(alias) => self.alias == alias && alias != 0,
+            DrivePlace::Position(position) => self.station.wrapping_sub(FIRST_STATION) == position,
         }
     }
 }
@@ -256,9 +257,12 @@ pub(crate) async fn bring_up<const M: usize>(
         }
     };
     for (motor, member) in members.iter().enumerate() {
-        let control = Command::fprd(member.station, OUTPUTS_CONTROL)
-            .receive::<u8>(main)
-            .await;
+        let control = Command::fprd(
+            member.station,
+            u16::from(RegisterAddress::Sm2) + SYNC_MANAGER_CONTROL,
+        )
+        .receive::<u8>(main)
+        .await;
         let control = control.map_err(|error| BringUpError::Exchange {
             motor: number(motor),
             step: "reading sync manager 2",

@@ -29,7 +29,7 @@ mod steered_cycle;
 pub mod steering;
 mod wire;
 
-pub use bring_up::{BringUpError, ClockSettings, DriveConfig, Initial, Place, Settings};
+pub use bring_up::{BringUpError, ClockSettings, DriveConfig, DrivePlace, Initial, Settings};
 pub use cia402::{Input, Offset, PowerState, Target};
 pub use drives::{Condition, Drives};
 pub use fault::Fault;

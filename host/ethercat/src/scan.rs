@@ -11,7 +11,7 @@ mod station;
 mod verdict;
 
 use ethercrab::error::Error;
-use ethercrab::{Command, MainDevice};
+use ethercrab::{Command, MainDevice, RegisterAddress};
 
 use crate::bring_up::FIRST_STATION;
 use crate::main_device::main_device;
@@ -157,7 +157,7 @@ pub fn scan<W: Wire>(wire: W, options: Options) -> Result<Vec<Device>, ScanError
     let overdue = ScanError::Overdue { seconds: SCAN_S };
     let found = pump.run(devices(main, options), limit_us).ok_or(overdue);
     // After an error, too: no device is left in PRE-OP.
-    let init = Command::bwr(station::AL_CONTROL)
+    let init = Command::bwr(RegisterAddress::AlControl.into())
         .ignore_wkc()
         .send(main, station::ACKNOWLEDGE | station::INIT);
     let _sent = pump.run(init, u64::from(ANSWER_US) * 20);

@@ -28,7 +28,7 @@ pub mod equations;
 pub mod modes;
 
 pub use coordinates::{CoordinateMatrix, Coordinates};
-pub use equations::{Acceleration, MassiveMachine, State};
+pub use equations::{Acceleration, MachineState, MassiveMachine};
 pub use modes::Modes;
 
 #[cfg(test)]

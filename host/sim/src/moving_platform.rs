@@ -11,7 +11,9 @@
 //! change of its sag is a displacement.
 
 use gantry_tau_machine::dynamics::coordinates::{product, transposed_product};
-use gantry_tau_machine::dynamics::{CoordinateMatrix, Coordinates, MassiveMachine, Modes, State};
+use gantry_tau_machine::dynamics::{
+    CoordinateMatrix, Coordinates, MachineState, MassiveMachine, Modes,
+};
 use gantry_tau_machine::elastic::{ElasticMachine, Equilibrium, Pose};
 use gantry_tau_machine::masses::Masses;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
@@ -35,7 +37,7 @@ pub struct Motors<const N: usize> {
 #[derive(Clone, Debug)]
 pub struct MovingPlatform<const N: usize> {
     machine: MassiveMachine<N>,
-    state: State<N>,
+    state: MachineState<N>,
     /// Tensions of the links by the weight at home, N.
     links_at_home_n: Vector6<f64>,
     /// Loads of the axes by it, along `+q`.
@@ -113,7 +115,7 @@ impl<const N: usize> MovingPlatform<N> {
         let links_at_home_n = -lines.matrix.lu().solve(&weight.platform)?;
         let axes_at_home = weight.axes - lines.drives.transpose() * links_at_home_n;
         let mut platform = Self {
-            state: State {
+            state: MachineState {
                 pose,
                 axes,
                 rates: Coordinates::zeros(),
@@ -162,7 +164,7 @@ impl<const N: usize> MovingPlatform<N> {
     /// True if no place or rate is NaN or infinite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        let State { pose, axes, rates } = &self.state;
+        let MachineState { pose, axes, rates } = &self.state;
         let places = pose.translation_m.iter().chain(pose.rotation.coords.iter());
         rates.is_finite() && places.chain(axes).all(|place| place.is_finite())
     }
@@ -207,7 +209,7 @@ impl<const N: usize> MovingPlatform<N> {
     /// Begins a cycle, with the joint of arm 3 as it stands. `None` where the machine has no modes.
     pub fn begin_cycle(&mut self, elastic: &ElasticMachine<N>) -> Option<()> {
         self.machine.elastic = *elastic;
-        let State { pose, axes, .. } = &self.state;
+        let MachineState { pose, axes, .. } = &self.state;
         if self.damping.has_moved(axes) {
             self.damping = Damping::at(&self.machine, pose, axes)?;
         }
@@ -226,7 +228,7 @@ impl<const N: usize> MovingPlatform<N> {
         load: &Vector6<f64>,
         workpiece: Option<&Workpiece>,
     ) -> SVector<f64, N> {
-        let State { pose, axes, rates } = self.state;
+        let MachineState { pose, axes, rates } = self.state;
         let mut load = *load;
         if let Some(workpiece) = workpiece {
             load[2] += workpiece.spring_n(pose.translation_m.z);
@@ -253,12 +255,12 @@ impl<const N: usize> MovingPlatform<N> {
 }
 
 /// Returns a state a step later, under these changes of its rates per second.
-fn moved<const N: usize>(state: &State<N>, changes: &Coordinates<N>) -> State<N> {
-    let State { pose, axes, rates } = state;
+fn moved<const N: usize>(state: &MachineState<N>, changes: &Coordinates<N>) -> MachineState<N> {
+    let MachineState { pose, axes, rates } = state;
     let rates = *rates + *changes * SUBSTEP_S;
     let [moved_m, turned_rad] =
         [0, 3].map(|row| rates.platform.fixed_rows::<3>(row).into_owned() * SUBSTEP_S);
-    State {
+    MachineState {
         pose: Pose {
             translation_m: pose.translation_m + moved_m,
             rotation: UnitQuaternion::from_scaled_axis(turned_rad) * pose.rotation,

@@ -23,7 +23,7 @@ use gantry_tau_server::plant::{DriveState, Plant, Reading};
 use gantry_tau_system::dial::{self, Addresses};
 use gantry_tau_system::lines::plain;
 
-use line::{Answer, Call, Start};
+use line::{Answer, Call, MachineDescription};
 
 /// Time for the connection, and for an answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
@@ -34,7 +34,7 @@ pub const START_PATIENCE: Duration = Duration::from_secs(30);
 #[derive(Debug)]
 pub struct RemoteMachine<const N: usize, const M: usize> {
     address: Addresses,
-    start: Start,
+    start: MachineDescription,
     link: Result<Link, String>,
     /// Number of the last call.
     calls: u64,
@@ -83,7 +83,7 @@ impl<const N: usize, const M: usize> RemoteMachine<N, M> {
     ) -> Result<Self, ConnectError> {
         let motors = robot.motor_map::<M>()?;
         let home_q = robot.home_q()?;
-        let start = Start {
+        let start = MachineDescription {
             model: K::MODEL,
             axes: N,
             motors: M,

@@ -4,7 +4,7 @@ use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_ethercat::{
-    BringUpError, ClockSettings, DriveConfig, Drives, Initial, Place, Settings,
+    BringUpError, ClockSettings, DriveConfig, DrivePlace, Drives, Initial, Settings,
 };
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{Clocks, Ethercat, EthercatDrive, RobotFile};
@@ -69,8 +69,8 @@ fn key(error: &BringUpError) -> String {
     match error {
         BringUpError::Missing { motor, place, .. } | BringUpError::Ambiguous { motor, place } => {
             match place {
-                Place::Alias(_) => of_drive(*motor, "alias"),
-                Place::Position(_) => of_drive(*motor, "position"),
+                DrivePlace::Alias(_) => of_drive(*motor, "alias"),
+                DrivePlace::Position(_) => of_drive(*motor, "position"),
             }
         }
         BringUpError::Identity {
@@ -130,8 +130,8 @@ fn config(drive: &EthercatDrive, motor: &DriveMotor, axis: &AxisConfig) -> Drive
     let ends = [travel.lower, travel.upper].map(|end| motor.scale.counts(end).unwrap_or(0));
     DriveConfig {
         place: match (drive.alias, drive.position) {
-            (Some(alias), _) => Place::Alias(alias),
-            (None, position) => Place::Position(position.unwrap_or(0)),
+            (Some(alias), _) => DrivePlace::Alias(alias),
+            (None, position) => DrivePlace::Position(position.unwrap_or(0)),
         },
         vendor: drive.vendor,
         product: drive.product,
@@ -248,12 +248,12 @@ fn in_force<K, const N: usize, const M: usize>(
 }
 
 /// Refusal of what a drive has in force.
-struct Refused {
+struct RefusedOffset {
     motor: Option<usize>,
     reason: String,
 }
 
-impl Refused {
+impl RefusedOffset {
     fn key(&self) -> String {
         self.motor
             .map_or_else(String::new, |motor| format!("ethercat.drives[{motor}]"))
@@ -266,7 +266,7 @@ fn position<const M: usize>(
     limits: &AxisConfig,
     motors: &[DriveMotor; M],
     initial: &[Initial; M],
-) -> Result<PositionNm, Refused> {
+) -> Result<PositionNm, RefusedOffset> {
     let travel = limits.machine_travel;
     let positions = initial.map(|initial| initial.position);
     let reason = match axis_position(axis, motors, &positions) {
@@ -283,7 +283,7 @@ fn position<const M: usize>(
         ),
         Some((position, _)) => return Ok(position),
     };
-    Err(Refused {
+    Err(RefusedOffset {
         motor: motors.iter().position(|motor| motor.axis == axis),
         reason,
     })
@@ -294,11 +294,11 @@ fn offsets<const M: usize>(
     axis: usize,
     motors: &[DriveMotor; M],
     initial: &[Initial; M],
-) -> Result<Offsets, Refused> {
+) -> Result<Offsets, RefusedOffset> {
     let mut offsets = None::<Offsets>;
     let own = motors.iter().zip(initial).enumerate();
     for (motor, (units, initial)) in own.filter(|(_, (motor, _))| motor.axis == axis) {
-        let found = offsets_of(units, initial).ok_or_else(|| Refused {
+        let found = offsets_of(units, initial).ok_or_else(|| RefusedOffset {
             motor: Some(motor),
             reason: "its offsets are out of range".to_owned(),
         })?;
@@ -309,7 +309,7 @@ fn offsets<const M: usize>(
                 || first.torque != found.torque
         });
         if differs {
-            return Err(Refused {
+            return Err(RefusedOffset {
                 motor: Some(motor),
                 reason: format!(
                     "the drives of axis {axis} have different offsets in force; set 60B0h to 60B2h to 0"

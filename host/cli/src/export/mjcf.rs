@@ -77,7 +77,7 @@ pub fn mjcf<K: MachineKind<N>, const N: usize>(
     let lowest_rad_per_s = lowest.ok_or_else(|| MjcfError::NoModes(name()))?;
     let rotation = Matrix3::from_row_iterator(robot.sensor.rotation.into_iter().flatten());
     let rotation = Rotation3::from_matrix_unchecked(rotation);
-    let model = Model {
+    let model = MjcfModel {
         kind: K::MODEL,
         at_home,
         compliances,
@@ -93,7 +93,7 @@ pub fn mjcf<K: MachineKind<N>, const N: usize>(
 }
 
 /// Numbers of a model.
-struct Model<const N: usize> {
+struct MjcfModel<const N: usize> {
     kind: &'static str,
     at_home: AtHome<N>,
     compliances: Compliances<N>,
@@ -106,7 +106,7 @@ struct Model<const N: usize> {
     damping_s: f64,
 }
 
-impl<const N: usize> Model<N> {
+impl<const N: usize> MjcfModel<N> {
     fn whole(&self) -> Element {
         let gravity = if self.masses.has_weight {
             GRAVITY_M_PER_S2

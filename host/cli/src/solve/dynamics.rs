@@ -3,7 +3,7 @@
 use gantry_tau_core::model::kinematics::KinematicsError;
 use gantry_tau_core::model::robot::LINKS;
 use gantry_tau_machine::drive_cascade::{MOTOR_MASS_KG, POSITION_GAIN};
-use gantry_tau_machine::dynamics::{Coordinates, MassiveMachine, Modes, State};
+use gantry_tau_machine::dynamics::{Coordinates, MachineState, MassiveMachine, Modes};
 use gantry_tau_machine::elastic::backlash::Backlash;
 use gantry_tau_machine::elastic::{ElasticMachine, Pose};
 use gantry_tau_machine::masses::{Masses, RigidBody};
@@ -114,7 +114,7 @@ impl MassesRequest {
 }
 
 /// A machine in one place.
-struct Placed<const N: usize> {
+struct PlacedMachine<const N: usize> {
     machine: MassiveMachine<N>,
     pose: Pose,
     axes: [f64; N],
@@ -125,7 +125,7 @@ where
     Self: Operations<N>,
 {
     pub(super) fn dynamics(&self) -> Result<Value, SolveError> {
-        let Placed {
+        let PlacedMachine {
             machine,
             pose,
             axes,
@@ -134,7 +134,7 @@ where
         let rates = optional_field::<Vec<f64>>(self.request, "nu")?;
         let rates = rates.map_or_else(|| Ok(Coordinates::zeros()), |rates| coordinates(&rates))?;
         let load = optional_field::<[f64; 6]>(self.request, "wrench")?.unwrap_or_default();
-        let state = State { pose, axes, rates };
+        let state = MachineState { pose, axes, rates };
         let motion = machine
             .acceleration(&state, &drives, &Vector6::from(load))
             .ok_or(KinematicsError::NotFinite)?;
@@ -158,7 +158,7 @@ where
     }
 
     pub(super) fn closed_loop(&self) -> Result<Value, SolveError> {
-        let Placed {
+        let PlacedMachine {
             machine,
             pose,
             axes,
@@ -189,7 +189,7 @@ where
 
     /// Returns the machine with the masses of the request, or else of its file, where the request
     /// puts it: by `axes`, or else by its inverse kinematics.
-    fn placed(&self) -> Result<Placed<N>, SolveError> {
+    fn placed(&self) -> Result<PlacedMachine<N>, SolveError> {
         let pose = request::pose(self.request, "tcp_m", "rotation")?;
         let axes = match self.numbers("axes")? {
             Some(axes) => axes,
@@ -197,7 +197,7 @@ where
         };
         let turned = Rotation3::from_matrix_unchecked(pose.rotation);
         let geometry = self.kinematics.geometry();
-        Ok(Placed {
+        Ok(PlacedMachine {
             machine: MassiveMachine {
                 elastic: ElasticMachine::new(geometry, *self.springs()?, Backlash::NONE),
                 masses: self.masses()?,

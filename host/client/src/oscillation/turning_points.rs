@@ -2,7 +2,7 @@
 
 /// Value of a tick.
 #[derive(Clone, Copy, Debug)]
-struct Point {
+struct OffsetPoint {
     tick: u64,
     nm: i32,
 }
@@ -24,14 +24,14 @@ enum Course {
     Unknown,
     /// All values are within the hysteresis.
     Level {
-        lowest: Point,
-        highest: Point,
+        lowest: OffsetPoint,
+        highest: OffsetPoint,
     },
     Rising {
-        highest: Point,
+        highest: OffsetPoint,
     },
     Falling {
-        lowest: Point,
+        lowest: OffsetPoint,
     },
 }
 
@@ -41,7 +41,7 @@ enum Course {
 pub(super) struct TurningPoints {
     hysteresis_nm: u32,
     course: Course,
-    last: Option<Point>,
+    last: Option<OffsetPoint>,
 }
 
 impl TurningPoints {
@@ -61,7 +61,7 @@ impl TurningPoints {
     /// Takes the value of a tick. Returns the swing that ended, if a turning point was found and
     /// there was one before it.
     pub(super) fn update(&mut self, tick: u64, nm: i32) -> Option<Swing> {
-        let (course, turned) = self.next(Point { tick, nm });
+        let (course, turned) = self.next(OffsetPoint { tick, nm });
         self.course = course;
         let end = turned?;
         let start = self.last.replace(end)?;
@@ -72,7 +72,7 @@ impl TurningPoints {
     }
 
     /// Returns the course with a further value, and the turning point that it shows.
-    fn next(&self, now: Point) -> (Course, Option<Point>) {
+    fn next(&self, now: OffsetPoint) -> (Course, Option<OffsetPoint>) {
         match self.course {
             Course::Unknown => {
                 let (lowest, highest) = (now, now);
@@ -97,7 +97,7 @@ impl TurningPoints {
 
     /// Returns the course of values that were level. The extreme that they leave is where they
     /// began, not a turning point.
-    fn leave_level(&self, lowest: Point, highest: Point, now: Point) -> Course {
+    fn leave_level(&self, lowest: OffsetPoint, highest: OffsetPoint, now: OffsetPoint) -> Course {
         if now.nm > lowest.nm && self.is_beyond(now, lowest) {
             Course::Rising { highest: now }
         } else if now.nm < highest.nm && self.is_beyond(now, highest) {
@@ -110,7 +110,7 @@ impl TurningPoints {
         }
     }
 
-    const fn is_beyond(&self, now: Point, extreme: Point) -> bool {
+    const fn is_beyond(&self, now: OffsetPoint, extreme: OffsetPoint) -> bool {
         now.nm.abs_diff(extreme.nm) > self.hysteresis_nm
     }
 }

@@ -2,22 +2,13 @@
 //! all of them.
 
 use ethercrab::error::Error;
-use ethercrab::{Command, EtherCrabWireReadWrite, MainDevice};
+use ethercrab::{Command, EtherCrabWireReadWrite, MainDevice, RegisterAddress as Register};
 
 use super::{BringUpError, number};
 use crate::clock;
 
-/// Registers; ETG1000.4.
-const FEATURES: u16 = 0x0008;
-/// Bits of 0008h: a distributed clock, of 64 bits.
+/// Bits of 0008h: a distributed clock, of 64 bits; ETG1000.4.
 const HAS_CLOCK: u16 = 0x0C;
-const SYSTEM_TIME: u16 = 0x0910;
-const DIFFERENCE: u16 = 0x092C;
-const ACCESS: u16 = 0x0980;
-const ACTIVATION: u16 = 0x0981;
-const START_TIME: u16 = 0x0990;
-const SYNC0_PERIOD: u16 = 0x09A0;
-const SYNC1_PERIOD: u16 = 0x09A4;
 /// Bits of 0981h: cyclic operation with SYNC0; SYNC1.
 const SYNC0: u8 = 0x03;
 const SYNC1: u8 = 0x04;
@@ -94,7 +85,7 @@ impl Clocks<'_> {
     }
 
     async fn has_clock(&self, station: u16) -> Result<bool, BringUpError> {
-        let features: u16 = self.read(station, FEATURES).await?;
+        let features: u16 = self.read(station, Register::SupportFlags).await?;
         // A time of 32 bits begins again every 4.3 s.
         Ok(features & HAS_CLOCK == HAS_CLOCK)
     }
@@ -102,9 +93,9 @@ impl Clocks<'_> {
     async fn read<T: EtherCrabWireReadWrite + ethercrab::EtherCrabWireReadSized>(
         &self,
         station: u16,
-        register: u16,
+        register: Register,
     ) -> Result<T, BringUpError> {
-        Command::fprd(station, register)
+        Command::fprd(station, register.into())
             .receive(self.main)
             .await
             .map_err(failed("reading a distributed clock"))
@@ -112,7 +103,7 @@ impl Clocks<'_> {
 
     /// Gives the reference's time to all others.
     async fn distribute(&self, reference: u16) -> Result<(), BringUpError> {
-        let time: Result<u64, Error> = Command::frmw(reference, SYSTEM_TIME)
+        let time: Result<u64, Error> = Command::frmw(reference, Register::DcSystemTime.into())
             .ignore_wkc()
             .receive(self.main)
             .await;
@@ -128,7 +119,7 @@ impl Clocks<'_> {
             self.distribute(reference).await?;
             let mut largest = (0, 0);
             for (motor, &station) in self.drives.iter().enumerate() {
-                let difference: u32 = self.read(station, DIFFERENCE).await?;
+                let difference: u32 = self.read(station, Register::DcSystemTimeDifference).await?;
                 // Sign and magnitude.
                 largest = largest.max((difference & 0x7FFF_FFFF, number(motor)));
             }
@@ -158,7 +149,7 @@ impl Clocks<'_> {
         cycle_ns: u32,
     ) -> Result<u64, BringUpError> {
         let cycle = u64::from(cycle_ns.max(1));
-        let now_ns: u64 = self.read(reference, SYSTEM_TIME).await?;
+        let now_ns: u64 = self.read(reference, Register::DcSystemTime).await?;
         let ahead_ns = now_ns.saturating_add(AHEAD_NS);
         let start_ns = ahead_ns.div_ceil(cycle).saturating_mul(cycle);
         let sync1_ns = cycle_ns.saturating_sub(settings.sync0_ns);
@@ -173,14 +164,22 @@ impl Clocks<'_> {
                 motor: number(motor),
                 station,
             };
-            drive.write(ACTIVATION, 0_u8).await?;
-            drive.write(ACCESS, 0_u8).await?;
-            drive.write_checked(START_TIME, start_ns).await?;
-            drive.write_checked(SYNC0_PERIOD, settings.sync0_ns).await?;
-            drive.write_checked(SYNC1_PERIOD, sync1_ns).await?;
-            drive.write_checked(ACTIVATION, activation).await?;
+            drive.write(Register::DcSyncActive, 0_u8).await?;
+            drive.write(Register::DcCyclicUnitControl, 0_u8).await?;
+            drive
+                .write_checked(Register::DcSyncStartTime, start_ns)
+                .await?;
+            drive
+                .write_checked(Register::DcSync0CycleTime, settings.sync0_ns)
+                .await?;
+            drive
+                .write_checked(Register::DcSync1CycleTime, sync1_ns)
+                .await?;
+            drive
+                .write_checked(Register::DcSyncActive, activation)
+                .await?;
         }
-        if self.read::<u64>(reference, SYSTEM_TIME).await? >= start_ns {
+        if self.read::<u64>(reference, Register::DcSystemTime).await? >= start_ns {
             return Err(BringUpError::Clocks {
                 reason: "SYNC0 was set up too late: the bus or this computer is too slow",
             });
@@ -199,11 +198,11 @@ struct Registers {
 impl Registers {
     async fn write<T: EtherCrabWireReadWrite>(
         &self,
-        register: u16,
+        register: Register,
         value: T,
     ) -> Result<(), BringUpError> {
         let motor = self.motor;
-        Command::fpwr(self.station, register)
+        Command::fpwr(self.station, register.into())
             .send(self.main, value)
             .await
             .map_err(|error| BringUpError::Exchange {
@@ -214,13 +213,13 @@ impl Registers {
     }
 
     /// Writes a register and reads it back.
-    async fn write_checked<T>(&self, register: u16, value: T) -> Result<(), BringUpError>
+    async fn write_checked<T>(&self, register: Register, value: T) -> Result<(), BringUpError>
     where
         T: EtherCrabWireReadWrite + ethercrab::EtherCrabWireReadSized + PartialEq + Copy,
     {
         self.write(register, value).await?;
         let motor = self.motor;
-        let found: T = Command::fprd(self.station, register)
+        let found: T = Command::fprd(self.station, register.into())
             .receive(self.main)
             .await
             .map_err(|error| BringUpError::Exchange {
@@ -231,7 +230,10 @@ impl Registers {
         if found == value {
             Ok(())
         } else {
-            Err(BringUpError::ClockRegister { motor, register })
+            Err(BringUpError::ClockRegister {
+                motor,
+                register: register.into(),
+            })
         }
     }
 }

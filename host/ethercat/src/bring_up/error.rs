@@ -3,7 +3,7 @@
 use ethercrab::AlStatusCode;
 use ethercrab::error::Error;
 
-use super::{MAX_SUBDEVICES, Place};
+use super::{DrivePlace, MAX_SUBDEVICES};
 
 /// Error of a bring-up. Motors are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -28,7 +28,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: Place,
+        place: DrivePlace,
         /// SubDevices that answer.
         found: u8,
     },
@@ -38,7 +38,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: Place,
+        place: DrivePlace,
     },
     /// Another device stands at a drive's place.
     #[error(
@@ -49,7 +49,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: Place,
+        place: DrivePlace,
         /// Vendor expected.
         vendor: u32,
         /// Product expected.
@@ -67,7 +67,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: Place,
+        place: DrivePlace,
         /// Serial number expected.
         expected: u32,
         /// Serial number found.

@@ -2,7 +2,7 @@
 //! written in PRE-OP.
 
 use super::device::MAX_PROCESS_DATA;
-use super::objects::{Entry, Mappable, Objects, abort};
+use super::objects::{Mappable, ObjectEntry, Objects, abort};
 
 /// Largest number of entries of a PDO.
 const ENTRIES: usize = 8;
@@ -237,7 +237,7 @@ impl Pdo {
             let length = usize::from(mapped.bits / 8);
             let value = objects
                 .find(mapped.index, mapped.sub)
-                .map_or(0, |entry: &Entry| entry.value)
+                .map_or(0, |entry: &ObjectEntry| entry.value)
                 .to_le_bytes();
             if let (Some(place), Some(bytes)) = (data.get_mut(at..at + length), value.get(..length))
             {

@@ -25,7 +25,7 @@ pub(super) enum Mappable {
 
 /// One entry of the dictionary: at most four bytes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Entry {
+pub(super) struct ObjectEntry {
     pub(super) index: u16,
     pub(super) sub: u8,
     pub(super) bits: u8,
@@ -34,7 +34,7 @@ pub(super) struct Entry {
     pub(super) value: u32,
 }
 
-impl Entry {
+impl ObjectEntry {
     /// Returns the value, sign extended.
     pub(super) fn signed(&self) -> i32 {
         let unused = 32 - u32::from(self.bits.clamp(1, 32));
@@ -48,20 +48,20 @@ impl Entry {
 
 /// The dictionary: at most a hundred entries, searched in order.
 #[derive(Clone, Debug)]
-pub(super) struct Objects(Vec<Entry>);
+pub(super) struct Objects(Vec<ObjectEntry>);
 
 impl Objects {
-    pub(super) fn new(entries: Vec<Entry>) -> Self {
+    pub(super) fn new(entries: Vec<ObjectEntry>) -> Self {
         Self(entries)
     }
 
-    pub(super) fn find(&self, index: u16, sub: u8) -> Option<&Entry> {
+    pub(super) fn find(&self, index: u16, sub: u8) -> Option<&ObjectEntry> {
         self.0
             .iter()
             .find(|entry| entry.index == index && entry.sub == sub)
     }
 
-    fn find_mut(&mut self, index: u16, sub: u8) -> Option<&mut Entry> {
+    fn find_mut(&mut self, index: u16, sub: u8) -> Option<&mut ObjectEntry> {
         self.0
             .iter_mut()
             .find(|entry| entry.index == index && entry.sub == sub)
@@ -69,7 +69,7 @@ impl Objects {
 
     /// Returns an object's value, or 0 where it is missing.
     pub(super) fn get(&self, index: u16, sub: u8) -> i32 {
-        self.find(index, sub).map_or(0, Entry::signed)
+        self.find(index, sub).map_or(0, ObjectEntry::signed)
     }
 
     pub(super) fn has(&self, index: u16) -> bool {
@@ -83,7 +83,7 @@ impl Objects {
         }
     }
 
-    pub(super) fn extend(&mut self, entries: Vec<Entry>) {
+    pub(super) fn extend(&mut self, entries: Vec<ObjectEntry>) {
         self.0.extend(entries);
     }
 
@@ -125,10 +125,10 @@ impl Objects {
 }
 
 /// Entries that every drive of this emulation has: index, sub-index, bits, writable, value.
-pub(super) fn entries(rows: &[(u16, u8, u8, bool, Mappable, i64)]) -> Vec<Entry> {
+pub(super) fn entries(rows: &[(u16, u8, u8, bool, Mappable, i64)]) -> Vec<ObjectEntry> {
     let entry =
         |&(index, sub, bits, writable, mappable, value): &(u16, u8, u8, bool, Mappable, i64)| {
-            Entry {
+            ObjectEntry {
                 index,
                 sub,
                 bits,

@@ -1,21 +1,14 @@
 //! Registers and EEPROM of one device.
 
 use ethercrab::error::Error;
-use ethercrab::{Command, MainDevice};
+use ethercrab::{Command, MainDevice, RegisterAddress as Register};
 
 use super::{ClockWidth, ScanError};
 use crate::clock;
 
-/// Registers; ETG1000.4.
-const FEATURES: u16 = 0x0008;
-const STATION_ADDRESS: u16 = 0x0010;
-pub(super) const AL_CONTROL: u16 = 0x0120;
-const AL_STATUS: u16 = 0x0130;
-const AL_STATUS_CODE: u16 = 0x0134;
-const SII_OWNER: u16 = 0x0500;
-const SII_CONTROL: u16 = 0x0502;
-const SII_DATA: u16 = 0x0508;
-const SYNC_MANAGER: u16 = 0x0800;
+/// Registers of one sync manager, and the place of its status among them; ETG1000.4.
+const SYNC_MANAGER_LEN: u16 = 8;
+const SYNC_MANAGER_STATUS: u16 = 5;
 /// States of AL control, and the bit that acknowledges an error.
 pub(super) const INIT: u16 = 0x01;
 const PRE_OP: u16 = 0x02;
@@ -73,7 +66,8 @@ pub(super) async fn address(
     position: u16,
     address: u16,
 ) -> Result<(), ScanError> {
-    let write = Command::apwr(position, STATION_ADDRESS).send(main, address);
+    let write =
+        Command::apwr(position, Register::ConfiguredStationAddress.into()).send(main, address);
     write.await.map_err(failed("giving station addresses"))
 }
 
@@ -86,14 +80,17 @@ impl Station {
         Self { main, address }
     }
 
-    pub(super) async fn read<const L: usize>(&self, register: u16) -> Result<[u8; L], ScanError> {
-        Command::fprd(self.address, register)
+    pub(super) async fn read<const L: usize>(
+        &self,
+        register: impl Into<u16>,
+    ) -> Result<[u8; L], ScanError> {
+        Command::fprd(self.address, register.into())
             .receive::<[u8; L]>(self.main)
             .await
             .map_err(failed("reading a register"))
     }
 
-    async fn word(&self, register: u16) -> Result<u16, ScanError> {
+    async fn word(&self, register: Register) -> Result<u16, ScanError> {
         self.read(register).await.map(u16::from_le_bytes)
     }
 
@@ -102,7 +99,9 @@ impl Station {
         &self,
         (start, length): (u16, u16),
     ) -> Result<Option<Vec<u8>>, ScanError> {
-        let [status] = self.read(SYNC_MANAGER + 8 + 5).await?;
+        let [status] = self
+            .read(u16::from(Register::Sm1) + SYNC_MANAGER_STATUS)
+            .await?;
         if status & 0x08 == 0 {
             return Ok(None);
         }
@@ -132,8 +131,12 @@ impl Station {
         }
     }
 
-    async fn write<const L: usize>(&self, register: u16, bytes: [u8; L]) -> Result<(), ScanError> {
-        Command::fpwr(self.address, register)
+    async fn write<const L: usize>(
+        &self,
+        register: impl Into<u16>,
+        bytes: [u8; L],
+    ) -> Result<(), ScanError> {
+        Command::fpwr(self.address, register.into())
             .send(self.main, bytes)
             .await
             .map_err(failed("writing a register"))
@@ -141,7 +144,7 @@ impl Station {
 
     /// Returns the kind of the distributed clock.
     pub(super) async fn clock(&self) -> Result<ClockWidth, ScanError> {
-        let features = self.word(FEATURES).await?;
+        let features = self.word(Register::SupportFlags).await?;
         Ok(match (features & 0x04 != 0, features & 0x08 != 0) {
             (false, _) => ClockWidth::None,
             (true, false) => ClockWidth::Bits32,
@@ -163,23 +166,25 @@ impl Station {
         {
             let ([s0, s1], [l0, l1]) = (start.to_le_bytes(), length.to_le_bytes());
             let bytes = [s0, s1, l0, l1, control, 0, 1, 0];
-            self.write(SYNC_MANAGER + 8 * index, bytes).await?;
+            self.write(u16::from(Register::Sm0) + SYNC_MANAGER_LEN * index, bytes)
+                .await?;
         }
         Ok(self.reach(PRE_OP).await?.err())
     }
 
     /// Asks for a state and waits for it; else returns the AL status code.
     async fn reach(&self, request: u16) -> Result<Result<(), u16>, ScanError> {
-        self.write(AL_CONTROL, request.to_le_bytes()).await?;
+        self.write(Register::AlControl, request.to_le_bytes())
+            .await?;
         let limit_us = clock::now_us().saturating_add(STATE_US);
         loop {
-            let status = self.word(AL_STATUS).await?;
+            let status = self.word(Register::AlStatus).await?;
             if status & 0x1F == request & 0x0F {
                 return Ok(Ok(()));
             }
             let is_refused = status & 0x10 != 0 && request & ACKNOWLEDGE == 0;
             if is_refused || clock::now_us() >= limit_us {
-                return Ok(Err(self.word(AL_STATUS_CODE).await?));
+                return Ok(Err(self.word(Register::AlStatusCode).await?));
             }
             clock::wait_until(clock::now_us() + 500).await;
         }
@@ -188,17 +193,18 @@ impl Station {
     /// Reads two words of the EEPROM; `None` if the device does not give them.
     async fn words(&self, word: u16) -> Result<Option<[u16; 2]>, ScanError> {
         let [low, high] = word.to_le_bytes();
-        self.write(SII_CONTROL, [0, 1, low, high, 0, 0]).await?;
+        self.write(Register::SiiControl, [0, 1, low, high, 0, 0])
+            .await?;
         let limit_us = clock::now_us().saturating_add(SII_US);
         loop {
-            let control = self.word(SII_CONTROL).await?;
+            let control = self.word(Register::SiiControl).await?;
             if control & 0x8000 == 0 {
                 // Bits 11 to 14: checksum, not loaded, no acknowledgement, write enable.
                 if control & 0x7800 != 0 {
-                    self.write(SII_CONTROL, [0, 0]).await?;
+                    self.write(Register::SiiControl, [0, 0]).await?;
                     return Ok(None);
                 }
-                let [a, b, c, d] = self.read(SII_DATA).await?;
+                let [a, b, c, d] = self.read(Register::SiiData).await?;
                 return Ok(Some([a, c].map(u16::from))
                     .map(|[low0, low1]| [low0 | u16::from(b) << 8, low1 | u16::from(d) << 8]));
             }
@@ -215,8 +221,8 @@ impl Station {
 
     /// Reads identity, mailboxes and name; zeros where the EEPROM gives nothing.
     pub(super) async fn sii(&self) -> Result<Sii, ScanError> {
-        self.write(SII_OWNER, [0]).await?;
-        self.write(SII_CONTROL, [0, 0]).await?;
+        self.write(Register::SiiConfig, [0]).await?;
+        self.write(Register::SiiControl, [0, 0]).await?;
         let [alias, _] = self.words(0x04).await?.unwrap_or([0, 0]);
         let [out_start, out_length] = self.words(0x18).await?.unwrap_or([0, 0]);
         let [in_start, in_length] = self.words(0x1A).await?.unwrap_or([0, 0]);

@@ -187,7 +187,7 @@ impl<S, M: Serialize + Clone> FittedMachine<'_, S, M> {
         let summary = self.summary(&answer, poses);
         let mut doubts = doubts(&answer, poses, self.observable(), options.tolerance_m);
         doubts.extend(self.doubts);
-        let page = report::Report {
+        let page = report::CalibrationPage {
             robot: &options.robot,
             measurements: &calibrated,
             summary: &summary,

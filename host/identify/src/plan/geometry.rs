@@ -91,13 +91,13 @@ struct Spot<const N: usize> {
 }
 
 /// Parameters and what turns derivatives into scaled coordinates.
-struct Model {
+struct ScaledParameters {
     parameters: Parameters,
     /// `diag(scales) basis`.
     reduce: DMatrix<f64>,
 }
 
-impl Model {
+impl ScaledParameters {
     fn of<K: PlannedMachine<N>, const N: usize>(machine: &K) -> Self {
         let (scales, basis) = machine.scales_and_basis();
         let shown = K::names();
@@ -161,7 +161,7 @@ fn shown_unit(name: &str, unit: &str) -> &'static str {
 /// Spots that a plan may contain, which are also those where the place is asked for.
 fn spots<K: PlannedMachine<N>, const N: usize>(
     robot: &RobotFile<K, N>,
-    model: &Model,
+    model: &ScaledParameters,
 ) -> Vec<Spot<N>> {
     K::poses(robot)
         .into_iter()
@@ -172,7 +172,7 @@ fn spots<K: PlannedMachine<N>, const N: usize>(
 /// The machine at the places of the workspace that a calibration judges itself by.
 fn workspace<K: PlannedMachine<N>, const N: usize>(
     robot: &RobotFile<K, N>,
-    model: &Model,
+    model: &ScaledParameters,
 ) -> Vec<Spot<N>> {
     let (_, stands) = stands(robot);
     stands
@@ -185,7 +185,7 @@ fn workspace<K: PlannedMachine<N>, const N: usize>(
 }
 
 /// `M`: mean of `G^T G` of the places.
-fn goal<const N: usize>(model: &Model, spots: &[Spot<N>]) -> DMatrix<f64> {
+fn goal<const N: usize>(model: &ScaledParameters, spots: &[Spot<N>]) -> DMatrix<f64> {
     let size = model.parameters.basis.ncols();
     let mut goal = DMatrix::zeros(size, size);
     for spot in spots {
@@ -250,7 +250,7 @@ pub fn plan_geometry<K: PlannedMachine<N>, const N: usize>(
         options.noise_um * 1e-6,
         rotation_urad.map(|urad| urad * 1e-6),
     );
-    let model = Model::of(&robot.model);
+    let model = ScaledParameters::of(&robot.model);
     let spots = spots(robot, &model);
     if spots.is_empty() {
         let reason = "no pose of the grid is in travel and away from singular ones".to_owned();
@@ -316,7 +316,7 @@ fn isotropic(position_m: f64, rotation_rad: Option<f64>) -> PoseNoise {
 
 /// The best of the spots that are `safe`, by index.
 fn chosen<const N: usize>(
-    model: &Model,
+    model: &ScaledParameters,
     spots: &[Spot<N>],
     safe: &[bool],
     noise: &PoseNoise,
@@ -391,7 +391,7 @@ pub fn judge<K: PlannedMachine<N>, const N: usize>(
     poses: &[PlannedPose],
     plan: &str,
 ) -> Result<Judgement, PlanError> {
-    let model = Model::of(&robot.model);
+    let model = ScaledParameters::of(&robot.model);
     let whitening = whitening(noise);
     let size = if K::IS_TURNED { 6 } else { 3 };
     let mut rows = DMatrix::zeros(size * poses.len(), model.parameters.basis.ncols());

@@ -32,7 +32,7 @@ pub(crate) struct Results {
     /// Servo periods judged, from the first session on.
     pub(crate) periods: usize,
     /// Sessions in which a load was compensated.
-    pub(crate) sessions: Vec<Session>,
+    pub(crate) sessions: Vec<LoadedSession>,
     /// The ramp of each session that did not end with Goodbye.
     pub(crate) ramps: Vec<Ramp>,
     /// Largest change of any offset in one period, nm.
@@ -45,7 +45,7 @@ pub(crate) struct Results {
 
 /// One session's periods under a load that has stood for a while.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Session {
+pub(crate) struct LoadedSession {
     /// First and last of them, s.
     pub(crate) seconds: [f64; 2],
     /// Their number.
@@ -230,13 +230,13 @@ fn moving<const N: usize>(moments: &[Moment<N>]) -> usize {
         .count()
 }
 
-fn session<const N: usize>(obtained: &[Moment<N>]) -> Option<Session> {
+fn session<const N: usize>(obtained: &[Moment<N>]) -> Option<LoadedSession> {
     let standing = obtained.chunk_by(stands).max_by_key(|part| part.len())?;
     let settled = standing.get(SETTLED..).filter(|part| !part.is_empty())?;
     let ends = [settled.first()?, settled.last()?];
     let [compensated_um, uncompensated_um] = mean(settled, |moment| moment.displacement_um);
     let [turned, unheld] = mean(settled, |moment| moment.turn_urad);
-    Some(Session {
+    Some(LoadedSession {
         seconds: ends.map(|moment| moment.period.number as f64 / 1e3),
         periods: settled.len(),
         moving: moving(settled),

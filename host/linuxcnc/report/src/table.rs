@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::results::{Ramp, Results, Session};
+use crate::results::{LoadedSession, Ramp, Results};
 
 /// Plain text, at most 110 columns.
 pub(crate) fn render(results: &Results) -> String {
@@ -27,7 +27,7 @@ fn write_all(text: &mut String, results: &Results) -> std::fmt::Result {
         "               N               s    of all     uncompensated     compensated"
     )?;
     for (number, session) in (1..).zip(&results.sessions) {
-        let Session {
+        let LoadedSession {
             seconds: [from, to],
             periods,
             moving,

@@ -14,7 +14,7 @@ use crate::robot_file::RobotFile;
 
 /// Place and rates of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State<const N: usize> {
+pub struct MachineState<const N: usize> {
     /// The platform.
     pub pose: Pose,
     /// The axes behind their springs, q-units.
@@ -153,7 +153,10 @@ impl<const N: usize> MassiveMachine<N> {
 
     /// Returns the mass matrix, and the weight less the forces that the motion takes.
     #[must_use]
-    pub fn inertia_and_weight(&self, state: &State<N>) -> (CoordinateMatrix<N>, Coordinates<N>) {
+    pub fn inertia_and_weight(
+        &self,
+        state: &MachineState<N>,
+    ) -> (CoordinateMatrix<N>, Coordinates<N>) {
         let links = self.links(&state.pose, &state.axes);
         let weight = self.weight_of(&links, &state.pose);
         (
@@ -176,11 +179,15 @@ impl<const N: usize> MassiveMachine<N> {
 
     /// Returns `h`: the forces that the motion takes at constant rates.
     #[must_use]
-    pub fn velocity_forces(&self, state: &State<N>) -> Coordinates<N> {
+    pub fn velocity_forces(&self, state: &MachineState<N>) -> Coordinates<N> {
         self.velocity_forces_of(&self.links(&state.pose, &state.axes), state)
     }
 
-    fn velocity_forces_of(&self, links: &[LinkEnds<N>; LINKS], state: &State<N>) -> Coordinates<N> {
+    fn velocity_forces_of(
+        &self,
+        links: &[LinkEnds<N>; LINKS],
+        state: &MachineState<N>,
+    ) -> Coordinates<N> {
         let omega = state.rates.platform.fixed_rows::<3>(3).into_owned();
         let mut forces = Coordinates::zeros();
         for body in self.bodies() {
@@ -256,11 +263,11 @@ impl<const N: usize> MassiveMachine<N> {
     #[must_use]
     pub fn acceleration(
         &self,
-        state: &State<N>,
+        state: &MachineState<N>,
         drives: &[f64; N],
         load: &Vector6<f64>,
     ) -> Option<Acceleration<N>> {
-        let State { pose, axes, rates } = state;
+        let MachineState { pose, axes, rates } = state;
         let (tensions_n, springs) = self.spring_forces(pose, axes, drives);
         let (masses, free) = self.inertia_and_weight(state);
         let mut forces = springs + free;

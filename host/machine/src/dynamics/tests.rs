@@ -19,10 +19,14 @@ fn at_home<K: MachineKind<N>, const N: usize>(
 }
 
 /// The state after a short time at these rates and accelerations.
-fn after<const N: usize>(state: &State<N>, changes: &Coordinates<N>, s: f64) -> State<N> {
+fn after<const N: usize>(
+    state: &MachineState<N>,
+    changes: &Coordinates<N>,
+    s: f64,
+) -> MachineState<N> {
     let mean = state.rates + *changes * (0.5 * s);
     let [moved, turned] = [0, 3].map(|row| mean.platform.fixed_rows::<3>(row) * s);
-    State {
+    MachineState {
         pose: Pose {
             translation_m: state.pose.translation_m + moved,
             rotation: UnitQuaternion::from_scaled_axis(turned) * state.pose.rotation,
@@ -36,7 +40,7 @@ fn dot<const N: usize>(one: &Coordinates<N>, other: &Coordinates<N>) -> f64 {
     one.platform.dot(&other.platform) + one.axes.dot(&other.axes)
 }
 
-fn kinetic_j<const N: usize>(machine: &MassiveMachine<N>, state: &State<N>) -> f64 {
+fn kinetic_j<const N: usize>(machine: &MassiveMachine<N>, state: &MachineState<N>) -> f64 {
     let momentum = machine
         .mass_matrix(&state.pose, &state.axes)
         .times(&state.rates);
@@ -59,7 +63,7 @@ fn the_work_of_all_forces_is_the_kinetic_energy<K: MachineKind<N>, const N: usiz
         .elastic
         .equilibrium(&axes, &Vector6::zeros(), &start);
     let pose = unloaded.unwrap().pose;
-    let state = State {
+    let state = MachineState {
         pose,
         axes,
         rates: Coordinates {
@@ -123,7 +127,7 @@ fn a_sensor_in_motion_reads_its_tool() {
 #[test]
 fn weight_is_what_disturbs_a_machine_at_rest() {
     let (mut machine, pose, axes) = at_home(&RobotFile::builtin_f1().unwrap());
-    let state = State {
+    let state = MachineState {
         pose,
         axes,
         rates: Coordinates::zeros(),
@@ -223,7 +227,7 @@ fn springs_release_their_energy<K: MachineKind<N>, const N: usize>(robot: &Robot
             _ => rates.axes[coordinate - 6] = 1.0,
         }
         let energy_j = |s: f64| {
-            let state = State { pose, axes, rates };
+            let state = MachineState { pose, axes, rates };
             let moved = after(&state, &Coordinates::zeros(), s);
             elastic_j(&machine, &moved.pose, &moved.axes, &drives)
         };

@@ -99,7 +99,7 @@ pub(super) fn tables<K: Keys<N>, const N: usize>(
         }
     };
     let known = DeTable::parse(K::BUILT_IN).ok()?;
-    let mut reader = Reader {
+    let mut reader = TableReader {
         text,
         root: root.get_ref(),
         known: known.get_ref(),
@@ -118,14 +118,14 @@ pub(super) fn tables<K: Keys<N>, const N: usize>(
 }
 
 /// A file that is being read, and the built-in machine of its kind.
-pub(super) struct Reader<'a, 't> {
+pub(super) struct TableReader<'a, 't> {
     text: &'t str,
     root: &'a DeTable<'t>,
     known: &'a DeTable<'t>,
     problems: &'a mut Problems,
 }
 
-impl<'t> Reader<'_, 't> {
+impl<'t> TableReader<'_, 't> {
     fn refuse_unknown(&mut self, names: &[&str]) {
         for unknown in self.root.keys() {
             let name = unknown.get_ref().as_ref();

@@ -10,7 +10,7 @@ use super::learned::{Calibrated, Identified, Play};
 use super::masses::MassKeys;
 use super::matrix;
 use super::position_loop::PositionLoopKeys;
-use super::read::Reader;
+use super::read::TableReader;
 use crate::accelerometer::{Accelerometer, MeasuredAxes};
 use crate::model::{CorrectionKind, WristJoint};
 
@@ -49,7 +49,7 @@ impl<const N: usize> Sections<N> {
     ];
 
     /// Reads all sections. `None` only if the built-in machine's cannot be read either.
-    pub(super) fn read(reader: &mut Reader<'_, '_>) -> Option<Self> {
+    pub(super) fn read(reader: &mut TableReader<'_, '_>) -> Option<Self> {
         Some(Self {
             axes: reader.section("axes")?,
             motors: reader.section("motors")?,

@@ -105,14 +105,14 @@ fn scaled<const N: usize>(mut rows: DMatrix<f64>, factors: &[f64; N]) -> DMatrix
 }
 
 /// Quantities of a machine as rows of a [`Rows`].
-struct Motion {
+struct Quantities {
     places: DMatrix<f64>,
     rates: DMatrix<f64>,
     drives: DMatrix<f64>,
     drive_rates: DMatrix<f64>,
 }
 
-impl Motion {
+impl Quantities {
     fn accelerations<const N: usize>(&self, machine: &LinearMachine<N>) -> DMatrix<f64> {
         &machine.by_drives * &self.drives - &machine.by_places * &self.places
             + &machine.by_drive_rates * &self.drive_rates
@@ -195,7 +195,7 @@ fn ideal<const N: usize>(machine: &LinearMachine<N>) -> TickMap {
     };
     let (places, rates) = (rows.part(0, half), rows.part(half, half));
     let step = |share: f64| {
-        let motion = Motion {
+        let motion = Quantities {
             places: places.clone(),
             rates: rates.clone(),
             drives: rows.references(1.0 - share, share),
@@ -206,7 +206,7 @@ fn ideal<const N: usize>(machine: &LinearMachine<N>) -> TickMap {
         stacked(&[places, rates, rows.references(0.0, 1.0)])
     };
     // Between two cycles the drives change their velocity at once; they count as at rest.
-    let at_end = Motion {
+    let at_end = Quantities {
         places: places.clone(),
         rates: rates.clone(),
         drives: rows.part(2 * half, N),
@@ -239,7 +239,7 @@ impl<const N: usize> Cascade<'_, N> {
             states: 2 * half + 4 * N,
             axes: N,
         };
-        let now = Motion {
+        let now = Quantities {
             places: rows.part(0, half),
             rates: rows.part(half, half),
             drives: rows.part(2 * half, N),
@@ -259,7 +259,7 @@ impl<const N: usize> Cascade<'_, N> {
     fn step(
         &self,
         rows: &Rows,
-        now: &Motion,
+        now: &Quantities,
         integral: &DMatrix<f64>,
         force: &DMatrix<f64>,
         share: f64,
@@ -286,7 +286,7 @@ impl<const N: usize> Cascade<'_, N> {
     }
 
     /// Load of the machine on the drives of each axis, N.
-    fn load(&self, now: &Motion) -> DMatrix<f64> {
+    fn load(&self, now: &Quantities) -> DMatrix<f64> {
         let axes = now.places.rows(6, N);
         let along_q = scaled(axes - &now.drives, &self.machine.axis_stiffness)
             + &self.machine.load_by_rates * &now.rates

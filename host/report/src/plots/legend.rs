@@ -13,16 +13,16 @@ const GAPS: [f64; 2] = [6.0, 12.0];
 
 /// The entries in their rows.
 pub(super) struct Legend<'a> {
-    rows: Vec<Vec<Entry<'a>>>,
+    rows: Vec<Vec<LegendEntry<'a>>>,
 }
 
-struct Entry<'a> {
+struct LegendEntry<'a> {
     name: &'a str,
-    sample: Sample,
+    sample: Swatch,
 }
 
 /// Piece of what an entry names.
-enum Sample {
+enum Swatch {
     Curve {
         look: Look,
         has_line: bool,
@@ -34,19 +34,20 @@ enum Sample {
 impl<'a> Legend<'a> {
     /// Returns the legend of curves, if two of them or more have names, and of bands.
     pub(super) fn of(curves: &'a [Curve], bands: &'a [Band]) -> Self {
-        let entries = curves.iter().enumerate().map(|(place, curve)| Entry {
+        let entries = curves.iter().enumerate().map(|(place, curve)| LegendEntry {
             name: &curve.name,
-            sample: Sample::of(curve, place, curves),
+            sample: Swatch::of(curve, place, curves),
         });
-        let mut entries: Vec<Entry<'a>> = entries.filter(|entry| !entry.name.is_empty()).collect();
+        let mut entries: Vec<LegendEntry<'a>> =
+            entries.filter(|entry| !entry.name.is_empty()).collect();
         if entries.len() < 2 {
             entries.clear();
         }
         for band in bands {
             if entries.iter().all(|entry| entry.name != band.name) {
-                entries.push(Entry {
+                entries.push(LegendEntry {
                     name: band.name,
-                    sample: Sample::Band(band.colour),
+                    sample: Swatch::Band(band.colour),
                 });
             }
         }
@@ -78,9 +79,9 @@ impl<'a> Legend<'a> {
 }
 
 /// Fills rows as words fill lines.
-fn rows_of(entries: Vec<Entry<'_>>) -> Vec<Vec<Entry<'_>>> {
+fn rows_of(entries: Vec<LegendEntry<'_>>) -> Vec<Vec<LegendEntry<'_>>> {
     let room = WIDTH - 2.0 * LEFT - RIGHT;
-    let (mut rows, mut used) = (Vec::<Vec<Entry<'_>>>::new(), 0.0);
+    let (mut rows, mut used) = (Vec::<Vec<LegendEntry<'_>>>::new(), 0.0);
     for entry in entries {
         used += entry.width();
         match rows.last_mut() {
@@ -94,13 +95,13 @@ fn rows_of(entries: Vec<Entry<'_>>) -> Vec<Vec<Entry<'_>>> {
     rows
 }
 
-impl Entry<'_> {
+impl LegendEntry<'_> {
     fn width(&self) -> f64 {
         SAMPLE + GAPS[0] + width(self.name.chars().count(), LABEL) + GAPS[1]
     }
 }
 
-impl Sample {
+impl Swatch {
     /// Sample of a curve in its place among the curves, and of those without a name that have its
     /// style: a line and its dots.
     fn of(curve: &Curve, place: usize, curves: &[Curve]) -> Self {

@@ -95,7 +95,11 @@ fn at_rest_with_play_it_is_the_equilibrium_of_the_springs() {
 }
 
 /// Energy of springs and motion about an unloaded place.
-fn energy<const N: usize>(machine: &MassiveMachine<N>, state: &State<N>, q: &[f64; N]) -> f64 {
+fn energy<const N: usize>(
+    machine: &MassiveMachine<N>,
+    state: &MachineState<N>,
+    q: &[f64; N],
+) -> f64 {
     let lines = machine.elastic.lines(&state.axes.into(), &state.pose);
     let tensions_n = machine.elastic.tensions_n(&lines.lengths_m);
     let compliances = machine.elastic.compliances();

@@ -15,18 +15,23 @@ pub(super) const MAX_ANSWER: usize = 65_536;
 #[derive(Debug, Serialize)]
 #[serde(tag = "call", rename_all = "snake_case")]
 pub(super) enum Call {
-    Start(Start),
+    Start(MachineDescription),
     InForce,
-    Read { elapsed: u64 },
-    Write { motors: Motors, axes: Axes },
+    Read {
+        elapsed: u64,
+    },
+    Write {
+        motors: MotorReferences,
+        axes: AxisValues,
+    },
     Reset,
 }
 
 impl Call {
     pub(super) fn write(references: &[Reference], parts: &[InForce]) -> Self {
         Self::Write {
-            motors: Motors::of(references),
-            axes: Axes::of(parts),
+            motors: MotorReferences::of(references),
+            axes: AxisValues::of(parts),
         }
     }
 
@@ -44,7 +49,7 @@ impl Call {
 
 /// Description of the machine for its simulator, with the axes at home.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Start {
+pub(super) struct MachineDescription {
     pub(super) model: &'static str,
     pub(super) axes: usize,
     pub(super) motors: usize,
@@ -55,13 +60,13 @@ pub(super) struct Start {
 
 /// References of the motors, motor order.
 #[derive(Debug, Serialize)]
-pub(super) struct Motors {
+pub(super) struct MotorReferences {
     position_mm: Vec<f64>,
     velocity_mm_s: Vec<f64>,
     torque_permille: Vec<i16>,
 }
 
-impl Motors {
+impl MotorReferences {
     fn of(references: &[Reference]) -> Self {
         let all = references.iter();
         Self {
@@ -75,14 +80,14 @@ impl Motors {
 /// Nominal references and offsets of the axes, axis order.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Axes {
+pub(super) struct AxisValues {
     nominal_mm: Vec<f64>,
     offset_um: Vec<f64>,
     velocity_mm_s: Vec<f64>,
     torque_permille: Vec<f64>,
 }
 
-impl Axes {
+impl AxisValues {
     fn of(parts: &[InForce]) -> Self {
         let all = parts.iter();
         let offsets = parts.iter().map(|one| &one.offsets);
@@ -101,7 +106,7 @@ impl Axes {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct InForceAnswer {
-    axes: Axes,
+    axes: AxisValues,
 }
 
 /// Answer to [`Call::Read`].
@@ -112,14 +117,14 @@ struct ReadAnswer {
     actual_mm: Vec<f64>,
     velocity_mm_s: Option<Vec<f64>>,
     torque_permille: Option<Vec<f64>>,
-    tool: Option<Tool>,
+    tool: Option<ToolAnswer>,
     drives: Option<Vec<String>>,
 }
 
 /// Measurements at the tool: force and moment in the sensor's axes.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Tool {
+struct ToolAnswer {
     force_n: [f64; 3],
     moment_nm: [f64; 3],
     /// Ticks since the sensor took them.
@@ -247,7 +252,7 @@ pub(super) fn reading<const N: usize>(
     Ok((reading, drives))
 }
 
-fn tool(tool: Tool) -> ToolReading {
+fn tool(tool: ToolAnswer) -> ToolReading {
     let [fx, fy, fz] = tool.force_n;
     let [mx, my, mz] = tool.moment_nm;
     let [lx, ly, lz] = tool.load_force_n;

@@ -5,7 +5,9 @@ use std::hint::black_box;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, Kinematic};
-use gantry_tau_ethercat::{DriveConfig, Drives, Offset, Place, Settings, Target, Wire, WireError};
+use gantry_tau_ethercat::{
+    DriveConfig, DrivePlace, Drives, Offset, Settings, Target, Wire, WireError,
+};
 
 use super::measured;
 
@@ -74,7 +76,7 @@ fn setup(index: u16) -> DriveSetup {
 
 fn config(index: u16) -> DriveConfig {
     DriveConfig {
-        place: Place::Position(index),
+        place: DrivePlace::Position(index),
         vendor: 1,
         product: 1,
         serial: None,

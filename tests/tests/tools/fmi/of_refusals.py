@@ -151,7 +151,7 @@ def command(program, folder):
     """The command, too, refuses in one sentence."""
     for arguments, part in (
         (["fmu", "l2", "--kind", "server", "-o", "l2.svg"], "whose name does not end in .svg"),
-        (["fmu", "l2", "--kind", "server", "--library", __file__, "-o", "l2.fmu"], "is not the library of the units"),
+        (["fmu", "l2", "--kind", "server", "--library", __file__, "-o", "l2.fmu"], "is not the library of gantry-tau units"),
         (["fmu", "l2", "--kind", "server", "--library", "none.so", "-o", "l2.fmu"], "none.so"),
         (["fmu", "none.toml", "--kind", "server", "-o", "l2.fmu"], "none.toml"),
     ):

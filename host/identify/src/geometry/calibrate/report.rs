@@ -22,7 +22,7 @@ const VIEWS: [(&str, usize, usize); 3] = [
 const AXES: [&str; 3] = ["x, m", "y, m", "z, m"];
 
 /// Content of the page.
-pub(super) struct Report<'a> {
+pub(super) struct CalibrationPage<'a> {
     pub(super) robot: &'a str,
     pub(super) measurements: &'a Calibrated,
     pub(super) summary: &'a str,
@@ -37,7 +37,7 @@ pub(super) struct Report<'a> {
     pub(super) expected: &'a Expected,
 }
 
-impl Report<'_> {
+impl CalibrationPage<'_> {
     pub(super) fn html(&self) -> String {
         let Calibrated {
             measurements,

@@ -9,7 +9,7 @@ use super::*;
 use crate::fit::statistics::median;
 
 fn rms_um<const N: usize>(
-    model: &Model,
+    model: &ScaledParameters,
     spots: &[Spot<N>],
     noise: &PoseNoise,
     chosen: &[usize],
@@ -36,7 +36,7 @@ fn rms_um<const N: usize>(
 #[test]
 fn places_of_the_l2_reach_the_limits() {
     let robot = RobotFile::builtin_l2().unwrap();
-    let model = Model::of(&robot.model);
+    let model = ScaledParameters::of(&robot.model);
     let spots = spots(&robot, &model);
     assert_eq!(spots.len(), 607);
     let noise = isotropic(50e-6, None);
@@ -80,7 +80,7 @@ fn places_of_the_l2_reach_the_limits() {
 #[test]
 fn turned_poses_of_the_f1_determine_sixty_combinations() {
     let robot = RobotFile::builtin_f1().unwrap();
-    let model = Model::of(&robot.model);
+    let model = ScaledParameters::of(&robot.model);
     let spots = spots(&robot, &model);
     assert!(spots.len() > 150, "{}", spots.len());
     let noise = isotropic(50e-6, Some(100e-6));
@@ -161,7 +161,7 @@ fn the_price_of_the_margin_is_reported() {
 #[test]
 fn unturned_poses_of_the_f1_are_refused_by_name() {
     let robot = RobotFile::builtin_f1().unwrap();
-    let model = Model::of(&robot.model);
+    let model = ScaledParameters::of(&robot.model);
     let spots = spots(&robot, &model);
     let unturned = spots
         .iter()
@@ -185,7 +185,7 @@ fn unturned_poses_of_the_f1_are_refused_by_name() {
 #[test]
 fn places_on_a_line_are_judged() {
     let robot = RobotFile::builtin_l2().unwrap();
-    let model = Model::of(&robot.model);
+    let model = ScaledParameters::of(&robot.model);
     let places = (0..12_u32)
         .map(|step| Pose::at(robot.home_m() + Vector3::x() * (f64::from(step) * 0.05 - 0.3)));
     let spots = places.enumerate().map(|(index, pose)| {
