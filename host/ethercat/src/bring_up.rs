@@ -5,24 +5,21 @@ mod clocks;
 mod error;
 
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
-use ethercrab::subdevice_group::{PreOp, SafeOp};
+use ethercrab::subdevice_group::SafeOp;
 use ethercrab::{
-    AlStatusCode, Command, DefaultLock, EtherCrabWireReadSized, EtherCrabWireReadWrite, MainDevice,
-    RegisterAddress, SubDevice, SubDeviceGroup, SubDeviceRef,
+    Command, EtherCrabWireReadSized, EtherCrabWireReadWrite, MainDevice, RegisterAddress,
+    SubDevice, SubDeviceRef,
 };
 
 use crate::cia402::{CSP, Input, Mapping, Offset, Target};
 use crate::clock;
+use crate::discovery::{
+    self, DevicePlace, Found, Group, Unplaced, discover, first_refusal, locate,
+};
 pub use clocks::ClockSettings;
 use clocks::Clocks;
 pub use error::BringUpError;
 
-/// Largest number of SubDevices, a power of two.
-pub(crate) const MAX_SUBDEVICES: usize = 16;
-/// Longest process image, bytes: 32 of each drive.
-pub(crate) const MAX_IMAGE: usize = 512;
-/// Station address that ethercrab gives to the first SubDevice.
-pub(crate) const FIRST_STATION: u16 = 0x1000;
 /// Divider of the watchdogs: ticks of 100 µs.
 const DIVIDER: u16 = 2_498;
 /// Tick of the watchdogs, µs.
@@ -32,32 +29,11 @@ const WATCHDOG_TICK_US: u32 = 100;
 const SYNC_MANAGER_CONTROL: u16 = 4;
 const TRIGGERS_WATCHDOG: u8 = 0x40;
 
-/// Drives of the file; nothing else on the bus is touched.
-type Group<S> = SubDeviceGroup<MAX_SUBDEVICES, MAX_IMAGE, DefaultLock, S>;
-
-/// Place of a drive on the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DrivePlace {
-    /// Alias in its EEPROM.
-    Alias(u16),
-    /// Number of SubDevices before it.
-    Position(u16),
-}
-
-impl std::fmt::Display for DrivePlace {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Alias(alias) => write!(f, "alias {alias}"),
-            Self::Position(position) => write!(f, "position {position}"),
-        }
-    }
-}
-
 /// Expectations of one drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveConfig {
     /// Place.
-    pub place: DrivePlace,
+    pub place: DevicePlace,
     /// Vendor.
     pub vendor: u32,
     /// Product code.
@@ -130,45 +106,6 @@ pub(crate) struct Ready<const M: usize> {
     pub(crate) sync0_start_ns: Option<u64>,
 }
 
-/// Drives and other SubDevices, which stay in PRE-OP.
-#[derive(Default)]
-struct Groups {
-    drives: Group<PreOp>,
-    others: Group<PreOp>,
-}
-
-/// A SubDevice that answered.
-#[derive(Clone, Copy)]
-struct Found {
-    station: u16,
-    alias: u16,
-    vendor: u32,
-    product: u32,
-    serial: u32,
-}
-
-impl Found {
-    fn of(subdevice: &SubDevice) -> Self {
-        let identity = subdevice.identity();
-        let (station, alias) = (subdevice.configured_address(), subdevice.alias_address());
-        let (vendor, product, serial) = (identity.vendor_id, identity.product_id, identity.serial);
-        Self {
-            station,
-            alias,
-            vendor,
-            product,
-            serial,
-        }
-    }
-
-    const fn is_at(&self, place: DrivePlace) -> bool {
-        match place {
-            DrivePlace::Alias(alias) => self.alias == alias && alias != 0,
-            DrivePlace::Position(position) => self.station.wrapping_sub(FIRST_STATION) == position,
-        }
-    }
-}
-
 /// Number of a motor, for errors.
 pub(crate) fn number(motor: usize) -> u8 {
     u8::try_from(motor).unwrap_or(u8::MAX)
@@ -181,38 +118,16 @@ pub(crate) async fn bring_up<const M: usize>(
     settings: &Settings,
     clocks: Option<&ClockSettings>,
 ) -> Result<Ready<M>, BringUpError> {
-    let mut found = Vec::new();
     let has_clocks = clocks.is_some();
-    let groups = main.init::<MAX_SUBDEVICES, _>(
-        move || if has_clocks { clock::now_ns() } else { 0 },
-        Groups::default(),
-        |groups, subdevice| {
-            let here = Found::of(subdevice);
-            found.push(here);
-            let is_drive = drives.iter().any(|drive| here.is_at(drive.place));
-            Ok(if is_drive {
-                &groups.drives
-            } else {
-                &groups.others
-            })
-        },
-    );
-    let groups = groups.await;
-    let groups = groups.map_err(|error| match error {
-        Error::Timeout(_) if found.is_empty() => BringUpError::Silent,
-        Error::Capacity(_) => BringUpError::TooMany,
-        error => BringUpError::Bus {
-            step: "looking for SubDevices",
-            error,
-        },
-    })?;
-    if found.is_empty() {
-        return Err(BringUpError::Silent);
-    }
+    let clock_ns = move || if has_clocks { clock::now_ns() } else { 0 };
+    let is_drive = |here: &Found| drives.iter().any(|drive| here.is_at(drive.place));
+    let (groups, found) = discover(main, clock_ns, is_drive)
+        .await
+        .map_err(BringUpError::from)?;
     let mut members = places(&found, drives)?;
     for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
         let subdevice = groups
-            .drives
+            .chosen
             .subdevice(main, member.index)
             .map_err(|error| BringUpError::Exchange {
                 motor: number(motor),
@@ -234,7 +149,7 @@ pub(crate) async fn bring_up<const M: usize>(
         None => None,
         Some(clocks) => Some(start_clocks(main, &found, &members, settings, clocks).await?),
     };
-    let group = groups.drives.into_pre_op_pdi(main).await;
+    let group = groups.chosen.into_pre_op_pdi(main).await;
     let group = group.map_err(|error| BringUpError::Bus {
         step: "mapping process data",
         error,
@@ -250,10 +165,19 @@ pub(crate) async fn bring_up<const M: usize>(
     let group = match group.into_safe_op(main).await {
         Ok(group) => group,
         Err(error) => {
-            return Err(refusal(main, &members).await.unwrap_or(BringUpError::Bus {
-                step: "SAFE-OP",
-                error,
-            }));
+            let stations = members.iter().map(|member| member.station);
+            let refused = first_refusal(main, stations).await;
+            return Err(refused.map_or(
+                BringUpError::Bus {
+                    step: "SAFE-OP",
+                    error,
+                },
+                |(motor, state, code)| BringUpError::Refused {
+                    motor: number(motor),
+                    state,
+                    code,
+                },
+            ));
         }
     };
     for (motor, member) in members.iter().enumerate() {
@@ -318,21 +242,15 @@ fn places<const M: usize>(
     let mut members = [Member::default(); M];
     for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
         let (motor, place) = (number(motor), drive.place);
-        let mut here = found.iter().filter(|found| found.is_at(place));
-        let Some(device) = here.next() else {
-            return Err(BringUpError::Missing {
+        let places = drives.iter().map(|drive| drive.place);
+        let (device, index) = locate(found, place, places).map_err(|reason| match reason {
+            Unplaced::Missing => BringUpError::Missing {
                 motor,
                 place,
                 found: number(found.len()),
-            });
-        };
-        let motors = drives
-            .iter()
-            .filter(|other| device.is_at(other.place))
-            .count();
-        if here.next().is_some() || motors != 1 {
-            return Err(BringUpError::Ambiguous { motor, place });
-        }
+            },
+            Unplaced::Ambiguous => BringUpError::Ambiguous { motor, place },
+        })?;
         if (device.vendor, device.product) != (drive.vendor, drive.product) {
             return Err(BringUpError::Identity {
                 motor,
@@ -351,48 +269,10 @@ fn places<const M: usize>(
                 found: device.serial,
             });
         }
-        // The group has the drives in the order of the bus.
-        let before = found
-            .iter()
-            .take_while(|other| other.station != device.station);
-        member.index = before
-            .filter(|other| drives.iter().any(|drive| other.is_at(drive.place)))
-            .count();
+        member.index = index;
         member.station = device.station;
     }
     Ok(members)
-}
-
-/// Returns the first drive that reports an error of its state machine.
-async fn refusal<const M: usize>(
-    main: &MainDevice<'static>,
-    members: &[Member; M],
-) -> Option<BringUpError> {
-    for (motor, member) in members.iter().enumerate() {
-        let (status, code) = al_status(main, member.station).await?;
-        if status & 0x10 != 0 {
-            let state = (status & 0x0F) as u8;
-            return Some(BringUpError::Refused {
-                motor: number(motor),
-                state,
-                code: AlStatusCode::from(code),
-            });
-        }
-    }
-    None
-}
-
-/// Reads AL status and its code.
-pub(crate) async fn al_status(main: &MainDevice<'static>, station: u16) -> Option<(u16, u16)> {
-    let status = Command::fprd(station, RegisterAddress::AlStatus.into())
-        .receive::<u16>(main)
-        .await
-        .ok()?;
-    let code = Command::fprd(station, RegisterAddress::AlStatusCode.into())
-        .receive::<u16>(main)
-        .await
-        .ok()?;
-    Some((status, code))
 }
 
 /// Set-up of one drive in PRE-OP.
@@ -413,14 +293,8 @@ impl Setup<'_> {
         index: u16,
         sub: u8,
     ) -> Result<Option<T>, BringUpError> {
-        match self.subdevice.sdo_read::<T>(index, sub).await {
-            Ok(value) => Ok(Some(value)),
-            Err(Error::Mailbox(MailboxError::Aborted {
-                code: CoeAbortCode::NotFound | CoeAbortCode::SubIndexNotFound,
-                ..
-            })) => Ok(None),
-            Err(error) => Err(self.failed("reading an object")(error)),
-        }
+        let value = discovery::object(self.subdevice, index, sub).await;
+        value.map_err(self.failed("reading an object"))
     }
 
     /// Reads an object that every drive of CiA 402 has in this mode.

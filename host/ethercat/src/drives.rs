@@ -7,15 +7,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, SafeOp};
-use ethercrab::{
-    Command, DefaultLock, MainDevice, RegisterAddress, SubDeviceGroup, SubDeviceState, TxRxResponse,
-};
+use ethercrab::{Command, MainDevice, RegisterAddress, TxRxResponse};
 
 use crate::bring_up::{
-    BringUpError, ClockSettings, DriveConfig, Initial, MAX_IMAGE, MAX_SUBDEVICES, Member, Ready,
-    Settings, al_status, bring_up, number,
+    BringUpError, ClockSettings, DriveConfig, Initial, Member, Ready, Settings, bring_up, number,
 };
 use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
+use crate::discovery::{self, ERROR, MAX_SUBDEVICES, al_status, code_of};
 use crate::fault::Fault;
 use crate::main_device::main_device;
 use crate::pump::Pump;
@@ -54,8 +52,8 @@ pub enum Condition {
 }
 
 enum Group {
-    SafeOp(SubDeviceGroup<MAX_SUBDEVICES, MAX_IMAGE, DefaultLock, SafeOp>),
-    Op(SubDeviceGroup<MAX_SUBDEVICES, MAX_IMAGE, DefaultLock, Op>),
+    SafeOp(discovery::Group<SafeOp>),
+    Op(discovery::Group<Op>),
     /// A request of OP failed and took the group with it.
     Lost,
 }
@@ -398,7 +396,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         let Some(Some((status, _))) = self.pump.run(al_status(main, station), limit_us) else {
             return;
         };
-        let request = match (status & 0x10 != 0, *requested) {
+        let request = match (status & ERROR != 0, *requested) {
             (true, _) => ACKNOWLEDGE_IN_SAFE_OP,
             (false, false) => OPERATIONAL,
             (false, true) => return,
@@ -612,18 +610,5 @@ fn stopping(input: &Input) -> u16 {
     match input.state() {
         PowerState::OperationEnabled | PowerState::QuickStopActive => control::QUICK_STOP,
         _ => 0,
-    }
-}
-
-/// Code of a state in AL status; 0 for none.
-const fn code_of(state: SubDeviceState) -> u8 {
-    match state {
-        SubDeviceState::None => 0,
-        SubDeviceState::Init => 1,
-        SubDeviceState::PreOp => 2,
-        SubDeviceState::Bootstrap => 3,
-        SubDeviceState::SafeOp => 4,
-        SubDeviceState::Op => 8,
-        SubDeviceState::Other(other) => other,
     }
 }

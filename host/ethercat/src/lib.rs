@@ -16,10 +16,12 @@ mod bring_up;
 mod cia402;
 mod claim;
 mod clock;
+mod discovery;
 mod drives;
 #[cfg(feature = "emulation")]
 pub mod emulation;
 mod fault;
+pub mod gauges;
 mod main_device;
 
 mod pump;
@@ -29,8 +31,9 @@ mod steered_cycle;
 pub mod steering;
 mod wire;
 
-pub use bring_up::{BringUpError, ClockSettings, DriveConfig, DrivePlace, Initial, Settings};
+pub use bring_up::{BringUpError, ClockSettings, DriveConfig, Initial, Settings};
 pub use cia402::{Input, Offset, PowerState, Target};
+pub use discovery::DevicePlace;
 pub use drives::{Condition, Drives};
 pub use fault::Fault;
 pub use raw_socket::{RawSocket, RawSocketError, check_link};

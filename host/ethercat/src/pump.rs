@@ -57,8 +57,17 @@ impl<W: Wire> Pump<W> {
     }
 
     /// Drops what has arrived, outside an exchange: a wire with a frame waits no longer.
-    pub(crate) fn drain(&mut self) {
+    fn drain(&mut self) {
         while self.wire.receive(&mut self.buffer).is_some() {}
+    }
+
+    /// Begins the next cycle, and waits for it, outside an exchange.
+    pub(crate) fn rest_until(&mut self, next_us: u64, cycle_us: u64) {
+        self.wire.begin_cycles(1, cycle_us);
+        while self.wire.now_us() < next_us {
+            self.wire.wait_until(next_us);
+            self.drain();
+        }
     }
 
     /// Sends what is to be sent; true if there was a frame, and the interface took it.

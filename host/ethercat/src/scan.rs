@@ -13,7 +13,7 @@ mod verdict;
 use ethercrab::error::Error;
 use ethercrab::{Command, MainDevice, RegisterAddress};
 
-use crate::bring_up::FIRST_STATION;
+use crate::discovery::FIRST_STATION;
 use crate::main_device::main_device;
 use crate::wire::Wire;
 pub use dictionary::{Answer, Dictionary, FIRST_AXIS, Mapping, SECOND_AXIS};

@@ -4,7 +4,7 @@ use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_ethercat::{
-    BringUpError, ClockSettings, DriveConfig, DrivePlace, Drives, Initial, Settings,
+    BringUpError, ClockSettings, DriveConfig, DevicePlace, Drives, Initial, Settings,
 };
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{Clocks, Ethercat, EthercatDrive, RobotFile};
@@ -69,8 +69,8 @@ fn key(error: &BringUpError) -> String {
     match error {
         BringUpError::Missing { motor, place, .. } | BringUpError::Ambiguous { motor, place } => {
             match place {
-                DrivePlace::Alias(_) => of_drive(*motor, "alias"),
-                DrivePlace::Position(_) => of_drive(*motor, "position"),
+                DevicePlace::Alias(_) => of_drive(*motor, "alias"),
+                DevicePlace::Position(_) => of_drive(*motor, "position"),
             }
         }
         BringUpError::Identity {
@@ -130,8 +130,8 @@ fn config(drive: &EthercatDrive, motor: &DriveMotor, axis: &AxisConfig) -> Drive
     let ends = [travel.lower, travel.upper].map(|end| motor.scale.counts(end).unwrap_or(0));
     DriveConfig {
         place: match (drive.alias, drive.position) {
-            (Some(alias), _) => DrivePlace::Alias(alias),
-            (None, position) => DrivePlace::Position(position.unwrap_or(0)),
+            (Some(alias), _) => DevicePlace::Alias(alias),
+            (None, position) => DevicePlace::Position(position.unwrap_or(0)),
         },
         vendor: drive.vendor,
         product: drive.product,

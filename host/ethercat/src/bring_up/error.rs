@@ -3,7 +3,7 @@
 use ethercrab::AlStatusCode;
 use ethercrab::error::Error;
 
-use super::{DrivePlace, MAX_SUBDEVICES};
+use crate::discovery::{DevicePlace, DiscoveryError, MAX_SUBDEVICES};
 
 /// Error of a bring-up. Motors are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -28,7 +28,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: DrivePlace,
+        place: DevicePlace,
         /// SubDevices that answer.
         found: u8,
     },
@@ -38,7 +38,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: DrivePlace,
+        place: DevicePlace,
     },
     /// Another device stands at a drive's place.
     #[error(
@@ -49,7 +49,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: DrivePlace,
+        place: DevicePlace,
         /// Vendor expected.
         vendor: u32,
         /// Product expected.
@@ -67,7 +67,7 @@ pub enum BringUpError {
         /// The motor.
         motor: u8,
         /// Its place.
-        place: DrivePlace,
+        place: DevicePlace,
         /// Serial number expected.
         expected: u32,
         /// Serial number found.
@@ -217,4 +217,17 @@ pub enum BringUpError {
         "a drive sent what cannot be handled during the bring-up, an emergency message perhaps; reset the drives and start again"
     )]
     Unhandled,
+}
+
+impl From<DiscoveryError> for BringUpError {
+    fn from(error: DiscoveryError) -> Self {
+        match error {
+            DiscoveryError::Silent => Self::Silent,
+            DiscoveryError::TooMany => Self::TooMany,
+            DiscoveryError::Bus(error) => Self::Bus {
+                step: "looking for SubDevices",
+                error,
+            },
+        }
+    }
 }

@@ -58,11 +58,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                 next_ns.div_ceil(1_000)
             }
         };
-        wire.begin_cycles(1, cycle_us);
-        while self.pump.wire.now_us() < next_us {
-            self.pump.wire.wait_until(next_us);
-            self.pump.drain();
-        }
+        self.pump.rest_until(next_us, cycle_us);
     }
 
     /// Exchanges process data in SAFE-OP until the cycle is in phase with SYNC0.

@@ -155,6 +155,12 @@ impl<D: Device> SubDevice<D> {
         self.highest_state
     }
 
+    /// Returns the state of the application layer, without the bit of an error.
+    #[must_use]
+    pub const fn state(&self) -> u8 {
+        self.state
+    }
+
     /// Leaves its state by itself, with a code of its application: the next best state that needs
     /// no outputs.
     pub fn fail(&mut self, code: u16) {

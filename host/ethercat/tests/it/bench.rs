@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, Kinematic};
 use gantry_tau_ethercat::{
-    Condition, DriveConfig, DrivePlace, Drives, Fault, Input, Offset, Settings, Target, Wire as _,
+    Condition, DevicePlace, DriveConfig, Drives, Fault, Input, Offset, Settings, Target, Wire as _,
 };
 
 pub(crate) const VENDOR: u32 = 0x0000_0A11;
@@ -35,7 +35,7 @@ pub(crate) fn setup(index: u32) -> DriveSetup {
 
 pub(crate) fn config(index: u32) -> DriveConfig {
     DriveConfig {
-        place: DrivePlace::Alias(1_001 + index as u16),
+        place: DevicePlace::Alias(1_001 + index as u16),
         vendor: VENDOR,
         product: 1 + index,
         serial: None,

@@ -12,6 +12,7 @@
 mod bench;
 mod clocks;
 mod faults;
+mod gauges;
 mod operation;
 mod refused;
 mod scan;

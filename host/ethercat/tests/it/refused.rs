@@ -1,6 +1,6 @@
 //! Configurations that are refused, each with motor and reason.
 
-use gantry_tau_ethercat::{BringUpError, DrivePlace, Drives, Settings};
+use gantry_tau_ethercat::{BringUpError, DevicePlace, Drives, Settings};
 
 use crate::bench::{SETTINGS, VENDOR, configs, setups, wire};
 
@@ -111,7 +111,7 @@ fn drives_that_are_swapped_missing_or_ambiguous() {
         |drives, configs| {
             drives.swap(0, 1);
             for (position, config) in (0..).zip(configs) {
-                config.place = DrivePlace::Position(position);
+                config.place = DevicePlace::Position(position);
             }
         },
         SETTINGS,
@@ -149,14 +149,14 @@ fn drives_that_are_swapped_missing_or_ambiguous() {
         "{error}"
     );
     let (error, _) = refusal(
-        |_, configs| configs[2].place = DrivePlace::Alias(77),
+        |_, configs| configs[2].place = DevicePlace::Alias(77),
         SETTINGS,
     );
     assert_eq!(
         error,
         BringUpError::Missing {
             motor: 2,
-            place: DrivePlace::Alias(77),
+            place: DevicePlace::Alias(77),
             found: 3
         }
     );
@@ -198,7 +198,7 @@ fn bring_up_swapped(serials: bool) -> Result<(), BringUpError> {
     for ((position, setup), config) in (0..).zip(&mut setups).zip(&mut configs) {
         setup.identity.product = 1;
         config.product = 1;
-        config.place = DrivePlace::Position(position);
+        config.place = DevicePlace::Position(position);
         config.serial = serials.then_some(setup.identity.serial);
     }
     setups.swap(0, 2);
@@ -215,7 +215,7 @@ fn equal_drives_that_are_swapped() {
         error,
         BringUpError::Serial {
             motor: 0,
-            place: DrivePlace::Position(0),
+            place: DevicePlace::Position(0),
             expected: 100,
             found: 102
         }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, Kinematic};
 use gantry_tau_ethercat::{
-    DriveConfig, DrivePlace, Drives, Offset, Settings, Target, Wire, WireError,
+    DriveConfig, DevicePlace, Drives, Offset, Settings, Target, Wire, WireError,
 };
 
 use super::measured;
@@ -76,7 +76,7 @@ fn setup(index: u16) -> DriveSetup {
 
 fn config(index: u16) -> DriveConfig {
     DriveConfig {
-        place: DrivePlace::Position(index),
+        place: DevicePlace::Position(index),
         vendor: 1,
         product: 1,
         serial: None,
