@@ -11,6 +11,7 @@ mod export;
 mod faults;
 mod fmu;
 mod follow;
+mod gauges;
 mod header;
 mod identify;
 mod key;
@@ -81,6 +82,7 @@ enum Command {
     Replay(replay::Replay),
     Robot(robot::RobotCommand),
     Bus(bus::BusCommand),
+    Gauges(gauges::GaugesCommand),
     Workspace(workspace::Workspace),
     Stability(stability::Stability),
     Draw(draw::Draw),
@@ -121,9 +123,11 @@ impl Command {
     fn begin(&self) -> std::io::Result<Option<WritesRest>> {
         let (suspension, reader) = match self {
             Self::Serve(_) => (Suspension::Ignored, OutputReader::Person),
-            Self::Client(_) | Self::Pace(_) | Self::Demo(_) | Self::Experiment(_) => {
-                (Suspension::Allowed, OutputReader::Person)
-            }
+            Self::Client(_)
+            | Self::Pace(_)
+            | Self::Demo(_)
+            | Self::Experiment(_)
+            | Self::Gauges(_) => (Suspension::Allowed, OutputReader::Person),
             Self::Monitor(_) | Self::Faults(_) => (Suspension::Allowed, OutputReader::Program),
             _ => return Ok(None),
         };
@@ -185,6 +189,7 @@ pub fn main() -> ExitCode {
         Command::Replay(replay) => replay.run(),
         Command::Robot(robot) => robot.run(),
         Command::Bus(bus) => bus.run(),
+        Command::Gauges(gauges) => gauges.run(),
         Command::Stability(stability) => run_on(AnyRobotFile::named(&stability.robot), stability),
         Command::Workspace(workspace) => run_on(workspace.machine.read(), workspace),
         Command::Draw(draw) => run_on(draw.machine.read(), draw),

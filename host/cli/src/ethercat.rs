@@ -3,6 +3,7 @@
 
 mod emulated;
 mod fault_log;
+pub(crate) mod gauges;
 mod initial_state;
 mod open;
 mod plant;

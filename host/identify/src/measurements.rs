@@ -7,7 +7,7 @@ pub mod moved_rows;
 pub mod plan;
 pub mod poses;
 pub(crate) mod repeated;
-mod setup;
+pub mod setup;
 pub mod springs;
 pub(crate) mod table;
 pub mod tool;
@@ -75,7 +75,9 @@ impl FileError {
         }
     }
 
-    pub(crate) fn key(file: &Path, key: impl AsRef<str>, reason: impl fmt::Display) -> Self {
+    /// An error of a key.
+    #[must_use]
+    pub fn key(file: &Path, key: impl AsRef<str>, reason: impl fmt::Display) -> Self {
         // Names of series and gauges are anything that TOML can quote.
         Self {
             column: Some(one_line(key.as_ref())),

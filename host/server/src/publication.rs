@@ -125,6 +125,14 @@ impl Publication {
         self.readers.send(self.ticks.encode_sensors(sensors));
     }
 
+    /// Publishes counts of gauges, for a port of `data` alone; `None` in a tick without them.
+    pub fn publish_data(&mut self, counts: Option<[i32; 3]>) {
+        self.readers.accept(&self.preamble);
+        if let Some(counts) = counts {
+            self.readers.send(self.ticks.encode_data(counts));
+        }
+    }
+
     /// Publishes a tick: with those behind it once [`flush`](Self::flush) is called, or when there
     /// is no room for a further one.
     pub fn publish<const N: usize>(&mut self, row: &TickRecord<N>, events: &[Event]) {

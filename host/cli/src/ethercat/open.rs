@@ -4,7 +4,7 @@ use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_ethercat::{
-    BringUpError, ClockSettings, DriveConfig, DevicePlace, Drives, Initial, Settings,
+    BringUpError, ClockSettings, DevicePlace, DriveConfig, Drives, Initial, Settings,
 };
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{Clocks, Ethercat, EthercatDrive, RobotFile};

@@ -221,7 +221,7 @@ fn a_plan_that_cannot_be_is_one_line() {
 }
 
 /// Starts the simulated machine of the plan; also returns the addresses of gauges and server.
-fn serve(folder: &Folder) -> (Running, [String; 2]) {
+pub(crate) fn serve(folder: &Folder) -> (Running, [String; 2]) {
     let free = "127.0.0.1:0";
     let mut server = folder.start(
         "serve",

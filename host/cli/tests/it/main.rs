@@ -28,6 +28,7 @@ mod export;
 #[cfg(unix)]
 mod faults;
 mod follow;
+mod gauges;
 mod golden;
 mod header;
 mod identification;
@@ -75,7 +76,7 @@ use process::Folder;
 fn help_mentions_every_command_and_every_commands_help_works() {
     let folder = Folder::new("help");
     let all = folder.run(&["--help"]).success();
-    const COMMANDS: [&str; 24] = [
+    const COMMANDS: [&str; 25] = [
         "demo",
         "serve",
         "client",
@@ -91,6 +92,7 @@ fn help_mentions_every_command_and_every_commands_help_works() {
         "replay",
         "robot",
         "bus",
+        "gauges",
         "workspace",
         "draw",
         "header",

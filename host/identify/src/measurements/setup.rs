@@ -14,7 +14,7 @@ const MAX_LEN: u64 = 1 << 20;
 ///
 /// # Errors
 /// [`FileError`].
-pub(super) fn text(path: &Path) -> Result<String, FileError> {
+pub fn text(path: &Path) -> Result<String, FileError> {
     read_text(path, MAX_LEN).map_err(|reason| FileError::whole(&path.display().to_string(), reason))
 }
 
@@ -22,7 +22,7 @@ pub(super) fn text(path: &Path) -> Result<String, FileError> {
 ///
 /// # Errors
 /// [`FileError`], with the line that TOML or its keys are wrong in.
-pub(super) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, FileError> {
+pub fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, FileError> {
     toml::from_str(text).map_err(|error| {
         let line = error
             .span()

@@ -58,6 +58,18 @@ pub struct Sensors<'a> {
     pub gauge_resolution_m: f64,
 }
 
+/// Writes counts of gauges, if a port carries them.
+pub(super) fn write_data(
+    encoder: &mut Encoder<'_>,
+    mut names: impl Iterator<Item = (u32, SampleName)>,
+    data: Data,
+) -> Result<(), ErrorKind> {
+    let Some((index, _)) = names.find(|(_, name)| *name == SampleName::Data) else {
+        return Ok(());
+    };
+    encoder.data(index, &data)
+}
+
 /// Writes gauges and force sensor, as far as a port carries them.
 pub(super) fn write_sensors(
     encoder: &mut Encoder<'_>,

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use gantry_tau_labcomm::samples::Data;
 use gantry_tau_labcomm::{Encoder, ErrorKind, Version};
 
 use super::machine::MAX_ROBOT_FILE;
@@ -70,6 +71,11 @@ impl Ticks {
     /// Returns the bytes of gauges and force sensor.
     pub(super) fn encode_sensors(&mut self, sensors: Sensors<'_>) -> &[u8] {
         self.written(|encoder, names| rows::write_sensors(encoder, names, sensors))
+    }
+
+    /// Returns the bytes of counts of gauges.
+    pub(super) fn encode_data(&mut self, counts: [i32; 3]) -> &[u8] {
+        self.written(|encoder, names| rows::write_data(encoder, names, Data(counts)))
     }
 
     /// Returns the bytes of events alone.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use gantry_tau_ethercat::emulation::{Chain, DriveSetup, EmulatedWire, Identity, Kinematic};
 use gantry_tau_ethercat::{
-    DriveConfig, DevicePlace, Drives, Offset, Settings, Target, Wire, WireError,
+    DevicePlace, DriveConfig, Drives, Offset, Settings, Target, Wire, WireError,
 };
 
 use super::measured;

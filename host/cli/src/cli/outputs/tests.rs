@@ -19,7 +19,7 @@ const FOLDERS: [(&str, &str); 4] = [
 ];
 
 /// Commands that do something, with the arguments that they need; `IN` is a file that is read.
-const COMMANDS: [(&str, &[&str]); 34] = [
+const COMMANDS: [(&str, &[&str]); 35] = [
     ("demo", &["--client", "IN"]),
     ("serve", &["--robot", "IN"]),
     ("client", &["--robot", "IN"]),
@@ -44,6 +44,7 @@ const COMMANDS: [(&str, &[&str]); 34] = [
     ("replay", &["IN"]),
     ("robot check", &["IN"]),
     ("bus scan", &["emulated"]),
+    ("gauges", &["emulated", "IN"]),
     ("workspace", &["--robot", "IN"]),
     ("stability", &["--robot", "IN"]),
     ("draw", &["--robot", "IN"]),
