@@ -5,7 +5,7 @@ mod clocks;
 mod error;
 
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
-use ethercrab::subdevice_group::SafeOp;
+use ethercrab::subdevice_group::{PreOp, SafeOp};
 use ethercrab::{
     Command, EtherCrabWireReadSized, EtherCrabWireReadWrite, MainDevice, RegisterAddress,
     SubDevice, SubDeviceRef,
@@ -14,8 +14,10 @@ use ethercrab::{
 use crate::cia402::{CSP, Input, Mapping, Offset, Target};
 use crate::clock;
 use crate::discovery::{
-    self, DevicePlace, Found, Group, Unplaced, discover, first_refusal, locate,
+    self, DevicePlace, Found, Group, Role, Unplaced, discover, first_refusal, locate,
 };
+use crate::instruments::force::{ForceSensor, ForceSensorConfig};
+use crate::instruments::{self, InstrumentRefusal, Instruments};
 pub use clocks::ClockSettings;
 use clocks::Clocks;
 pub use error::BringUpError;
@@ -76,6 +78,15 @@ impl Settings {
     }
 }
 
+/// What a bus has beside drives that run freely.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extras {
+    /// Distributed clocks of the drives.
+    pub clocks: Option<ClockSettings>,
+    /// A force sensor.
+    pub force_sensor: Option<ForceSensorConfig>,
+}
+
 /// Values that a drive had before it was brought up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Initial {
@@ -104,6 +115,7 @@ pub(crate) struct Ready<const M: usize> {
     pub(crate) members: [Member; M],
     /// First pulse of SYNC0, ns of the reference; `None` for drives that run freely.
     pub(crate) sync0_start_ns: Option<u64>,
+    pub(crate) force_sensor: Option<Instruments<ForceSensor>>,
 }
 
 /// Number of a motor, for errors.
@@ -116,18 +128,27 @@ pub(crate) async fn bring_up<const M: usize>(
     main: &'static MainDevice<'static>,
     drives: &[DriveConfig; M],
     settings: &Settings,
-    clocks: Option<&ClockSettings>,
+    extras: &Extras,
 ) -> Result<Ready<M>, BringUpError> {
+    let (clocks, sensor) = (extras.clocks.as_ref(), extras.force_sensor.as_ref());
     let has_clocks = clocks.is_some();
     let clock_ns = move || if has_clocks { clock::now_ns() } else { 0 };
-    let is_drive = |here: &Found| drives.iter().any(|drive| here.is_at(drive.place));
-    let (groups, found) = discover(main, clock_ns, is_drive)
+    let role = |here: &Found| {
+        if drives.iter().any(|drive| here.is_at(drive.place)) {
+            Role::Drive
+        } else if sensor.is_some_and(|sensor| here.is_at(sensor.place)) {
+            Role::Instrument
+        } else {
+            Role::Other
+        }
+    };
+    let (groups, found) = discover(main, clock_ns, role)
         .await
         .map_err(BringUpError::from)?;
     let mut members = places(&found, drives)?;
     for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
         let subdevice = groups
-            .chosen
+            .drives
             .subdevice(main, member.index)
             .map_err(|error| BringUpError::Exchange {
                 motor: number(motor),
@@ -145,11 +166,15 @@ pub(crate) async fn bring_up<const M: usize>(
             setup.choose_sync0(settings.cycle_ns()).await?;
         }
     }
+    let force_sensor = match sensor {
+        Some(sensor) => Some(start_sensor(main, groups.instruments, &found, sensor).await?),
+        None => None,
+    };
     let sync0_start_ns = match clocks {
         None => None,
         Some(clocks) => Some(start_clocks(main, &found, &members, settings, clocks).await?),
     };
-    let group = groups.chosen.into_pre_op_pdi(main).await;
+    let group = groups.drives.into_pre_op_pdi(main).await;
     let group = group.map_err(|error| BringUpError::Bus {
         step: "mapping process data",
         error,
@@ -202,7 +227,29 @@ pub(crate) async fn bring_up<const M: usize>(
         group,
         members,
         sync0_start_ns,
+        force_sensor,
     })
+}
+
+/// Sets the force sensor up, takes it to SAFE-OP, and asks for OP.
+async fn start_sensor(
+    main: &'static MainDevice<'static>,
+    group: Group<PreOp>,
+    found: &[Found],
+    sensor: &ForceSensorConfig,
+) -> Result<Instruments<ForceSensor>, BringUpError> {
+    let refused = |reason| BringUpError::ForceSensor { reason };
+    let at = instruments::find(found, &sensor.identity(), std::iter::once(sensor.place))
+        .map_err(refused)?;
+    let subdevice = group.subdevice(main, at.1).map_err(|error| {
+        let step = "looking for the sensor";
+        refused(InstrumentRefusal::Exchange { step, error })
+    })?;
+    let instrument = ForceSensor::prepare(&instruments::Setup(&subdevice))
+        .await
+        .map_err(refused)?;
+    let members = vec![instruments::Member::new(at, instrument)];
+    Ok(Instruments::start(main, group, members, &sensor.control()).await?)
 }
 
 /// Lets all clocks follow the reference, and starts SYNC0; returns the time of its first pulse.

@@ -69,10 +69,22 @@ impl Found {
     }
 }
 
-/// Chosen SubDevices and others, which stay in PRE-OP.
+/// Use that a program has for a SubDevice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// It moves a motor.
+    Drive,
+    /// It measures.
+    Instrument,
+    /// None.
+    Other,
+}
+
+/// SubDevices by their roles. The others stay in PRE-OP.
 #[derive(Default)]
 pub(crate) struct Groups {
-    pub(crate) chosen: Group<PreOp>,
+    pub(crate) drives: Group<PreOp>,
+    pub(crate) instruments: Group<PreOp>,
     others: Group<PreOp>,
 }
 
@@ -87,12 +99,12 @@ pub(crate) enum DiscoveryError {
     Bus(Error),
 }
 
-/// Takes all SubDevices to PRE-OP; those of which `is_chosen` is true come into a group of their
-/// own. Returns all in the order of the bus.
+/// Takes all SubDevices to PRE-OP, each into the group of its role. Returns all in the order of the
+/// bus.
 pub(crate) async fn discover(
     main: &'static MainDevice<'static>,
     clock_ns: impl Fn() -> u64 + Copy,
-    is_chosen: impl Fn(&Found) -> bool,
+    role: impl Fn(&Found) -> Role,
 ) -> Result<(Groups, Vec<Found>), DiscoveryError> {
     let mut found = Vec::new();
     let groups = main.init::<MAX_SUBDEVICES, _>(
@@ -101,10 +113,10 @@ pub(crate) async fn discover(
         |groups: &Groups, subdevice| {
             let here = Found::of(subdevice);
             found.push(here);
-            Ok(if is_chosen(&here) {
-                &groups.chosen
-            } else {
-                &groups.others
+            Ok(match role(&here) {
+                Role::Drive => &groups.drives,
+                Role::Instrument => &groups.instruments,
+                Role::Other => &groups.others,
             })
         },
     );

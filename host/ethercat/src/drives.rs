@@ -10,11 +10,13 @@ use ethercrab::subdevice_group::{Op, SafeOp};
 use ethercrab::{Command, MainDevice, RegisterAddress, TxRxResponse};
 
 use crate::bring_up::{
-    BringUpError, ClockSettings, DriveConfig, Initial, Member, Ready, Settings, bring_up, number,
+    BringUpError, DriveConfig, Extras, Initial, Member, Ready, Settings, bring_up, number,
 };
 use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
 use crate::discovery::{self, ERROR, MAX_SUBDEVICES, al_status, code_of};
 use crate::fault::Fault;
+use crate::instruments::force::ForceSensor;
+use crate::instruments::{Instruments, NoReading};
 use crate::main_device::main_device;
 use crate::pump::Pump;
 use crate::steered_cycle::SteeredCycle;
@@ -27,6 +29,8 @@ const BRING_UP_S: u32 = 60;
 const ENABLE_CYCLES: u32 = 3_000;
 /// Cycles for the way back at an orderly end.
 const DISABLE_CYCLES: u32 = 50;
+/// Longest time of a cycle for the instruments, µs.
+const INSTRUMENTS_US: u64 = 200;
 /// Share of every drive in the working counter of an exchange: 1 for its inputs, 2 for its
 /// outputs.
 const COUNTS_PER_DRIVE: u16 = 3;
@@ -83,6 +87,7 @@ pub struct Drives<W: Wire, const M: usize> {
     missed: u32,
     /// Cycle that follows the reference clock; `None` for drives that run freely.
     steered: Option<SteeredCycle>,
+    force_sensor: Option<Instruments<ForceSensor>>,
 }
 
 impl<W: Wire, const M: usize> Drives<W, M> {
@@ -97,10 +102,10 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         drives: &[DriveConfig; M],
         settings: Settings,
     ) -> Result<Self, BringUpError> {
-        Self::bring_up_with(wire, drives, settings, None)
+        Self::bring_up_with(wire, drives, settings, Extras::default())
     }
 
-    /// The same, with the distributed clocks of the drives; `None` for drives that run freely.
+    /// The same, with distributed clocks of the drives, or a force sensor beside them.
     ///
     /// # Errors
     /// [`BringUpError`], with the motor that it concerns.
@@ -108,9 +113,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         wire: W,
         drives: &[DriveConfig; M],
         settings: Settings,
-        clocks: Option<ClockSettings>,
+        extras: Extras,
     ) -> Result<Self, BringUpError> {
-        if let Some(clocks) = &clocks {
+        if let Some(clocks) = &extras.clocks {
             clocks.check(settings.cycle_ns())?;
         }
         let cycles = settings.watchdog_cycles;
@@ -123,7 +128,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         let Some((mut pump, main)) = main_device(wire, answer_us) else {
             return Err(BringUpError::Unhandled);
         };
-        let future = bring_up(main, drives, &settings, clocks.as_ref());
+        let future = bring_up(main, drives, &settings, &extras);
         let limit_us = u64::from(BRING_UP_S) * 1_000_000;
         // ethercrab asserts that no emergency message stands between a request and its answer.
         let outcome = catch_unwind(AssertUnwindSafe(|| pump.run(future, limit_us)));
@@ -132,11 +137,16 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             group,
             members,
             sync0_start_ns,
+            mut force_sensor,
         } = outcome.ok_or(BringUpError::Overdue {
             seconds: BRING_UP_S,
         })??;
         let sent = members.map(|member| crate::bring_up::standing(&member.initial));
-        let steered = clocks
+        if let Some(sensor) = &mut force_sensor {
+            let times_us = [settings.cycle_us, settings.answer_us].map(u64::from);
+            sensor.come_into_operation(&mut pump, main, times_us)?;
+        }
+        let steered = (extras.clocks)
             .zip(sync0_start_ns)
             .map(|(clocks, start_ns)| SteeredCycle::new(&clocks, settings.cycle_ns(), start_ns));
         Ok(Self {
@@ -154,6 +164,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             condition: Condition::Prepared,
             missed: 0,
             steered,
+            force_sensor,
         })
     }
 
@@ -196,6 +207,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             Condition::Rearming { .. } => true,
             Condition::Prepared | Condition::Stopped(_) => false,
         }
+    }
+
+    /// Returns force, N, and torque, N m, of the force sensor about its origin, its axes, as of the
+    /// last [`cycle`](Self::cycle), or the reason for which there is none. `None` on a bus without
+    /// a sensor.
+    #[must_use]
+    pub fn force(&self) -> Option<Result<[f64; 6], NoReading>> {
+        let sensor = self.force_sensor.as_ref()?.each().next()?;
+        Some(sensor.reading())
     }
 
     /// Returns the wire.
@@ -263,6 +283,27 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// [`Fault::Resent`] when they were not sent, and the measurements are good. After faults of
     /// more than one cycle the drives are stopped until a re-arm.
     pub fn cycle(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
+        let began_us = self.pump.wire.now_us();
+        let outcome = self.cycle_of_drives(targets);
+        self.read_instruments(began_us);
+        outcome
+    }
+
+    /// Reads the instruments, in what is left of the time for answers: the drives come first.
+    fn read_instruments(&mut self, began_us: u64) {
+        let Some(sensor) = &mut self.force_sensor else {
+            return;
+        };
+        let end_us = began_us.saturating_add(self.settings.answer_us.into());
+        let left_us = end_us.saturating_sub(self.pump.wire.now_us());
+        if left_us < INSTRUMENTS_US {
+            sensor.miss(NoReading::Skipped);
+        } else {
+            sensor.cycle(&mut self.pump, self.main, INSTRUMENTS_US);
+        }
+    }
+
+    fn cycle_of_drives(&mut self, targets: &[Target; M]) -> Result<(), Fault> {
         if let Some(steered) = &mut self.steered {
             steered.begin(self.pump.wire.now_ns());
         }

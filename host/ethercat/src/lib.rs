@@ -22,6 +22,7 @@ mod drives;
 pub mod emulation;
 mod fault;
 pub mod gauges;
+mod instruments;
 mod main_device;
 
 mod pump;
@@ -31,10 +32,12 @@ mod steered_cycle;
 pub mod steering;
 mod wire;
 
-pub use bring_up::{BringUpError, ClockSettings, DriveConfig, Initial, Settings};
+pub use bring_up::{BringUpError, ClockSettings, DriveConfig, Extras, Initial, Settings};
 pub use cia402::{Input, Offset, PowerState, Target};
 pub use discovery::DevicePlace;
 pub use drives::{Condition, Drives};
 pub use fault::Fault;
+pub use instruments::force::ForceSensorConfig;
+pub use instruments::{InstrumentRefusal, NoReading};
 pub use raw_socket::{RawSocket, RawSocketError, check_link};
 pub use wire::{Wire, WireError};

@@ -8,7 +8,7 @@ mod shown;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use gantry_tau_ethercat::Wire;
-use gantry_tau_ethercat::gauges::{CounterMap, Gauges, GaugesError, NoCount};
+use gantry_tau_ethercat::gauges::{CounterMap, Gauges, GaugesError, NoReading};
 use gantry_tau_server::links::gauges::Lengths;
 use gantry_tau_server::realtime::{CycleTimer, raise_priority};
 
@@ -100,12 +100,12 @@ fn bus_error(file: &GaugesFile, error: GaugesError) -> GaugesCommandError {
 /// State of a gauge, as it was logged last: at most once in a second.
 #[derive(Clone, Debug, Default)]
 struct Report {
-    reason: Option<NoCount>,
+    reason: Option<NoReading>,
     next_tick: u64,
 }
 
 impl Report {
-    fn see(&mut self, tick: u64, name: &str, reason: Option<NoCount>) {
+    fn see(&mut self, tick: u64, name: &str, reason: Option<NoReading>) {
         if self.reason == reason || tick < self.next_tick {
             return;
         }

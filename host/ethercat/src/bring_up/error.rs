@@ -4,6 +4,7 @@ use ethercrab::AlStatusCode;
 use ethercrab::error::Error;
 
 use crate::discovery::{DevicePlace, DiscoveryError, MAX_SUBDEVICES};
+use crate::instruments::{GroupError, InstrumentRefusal};
 
 /// Error of a bring-up. Motors are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -22,6 +23,12 @@ pub enum BringUpError {
     /// There are more SubDevices than this program handles.
     #[error("there are more than {MAX_SUBDEVICES} SubDevices on the bus")]
     TooMany,
+    /// The force sensor cannot be used.
+    #[error("the force sensor: {reason}")]
+    ForceSensor {
+        /// The reason.
+        reason: InstrumentRefusal,
+    },
     /// A drive is not there.
     #[error("motor {motor}: no drive at {place} among the {found} SubDevices of the bus")]
     Missing {
@@ -217,6 +224,15 @@ pub enum BringUpError {
         "a drive sent what cannot be handled during the bring-up, an emergency message perhaps; reset the drives and start again"
     )]
     Unhandled,
+}
+
+impl From<GroupError> for BringUpError {
+    fn from(error: GroupError) -> Self {
+        match error {
+            GroupError::Member(_, reason) => Self::ForceSensor { reason },
+            GroupError::Bus(step, error) => Self::Bus { step, error },
+        }
+    }
 }
 
 impl From<DiscoveryError> for BringUpError {

@@ -71,20 +71,25 @@ pub(crate) struct Lossy {
     /// Frames that have come back.
     frames: Arc<AtomicU64>,
     /// One of so many is lost; 0: none.
-    one_of: u64,
+    one_of: Arc<AtomicU64>,
     /// The number of the first of those that are lost, all of them.
     from: Arc<AtomicU64>,
 }
 
 impl Lossy {
     pub(crate) fn new(wire: Wire, one_of: u64) -> Self {
-        let [frames, from] = [0, u64::MAX].map(AtomicU64::new).map(Arc::new);
+        let [frames, from, one_of] = [0, u64::MAX, one_of].map(AtomicU64::new).map(Arc::new);
         Self {
             wire,
             frames,
             one_of,
             from,
         }
+    }
+
+    /// Loses one of so many frames from now on.
+    pub(crate) fn lose(&self, one_of: u64) {
+        self.one_of.store(one_of, Ordering::Relaxed);
     }
 
     /// Loses all frames but the next ones.
@@ -110,7 +115,8 @@ impl gantry_tau_ethercat::Wire for Lossy {
     fn receive(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let length = self.wire.receive(buffer)?;
         let frame = self.frames.fetch_add(1, Ordering::Relaxed);
-        let is_one = self.one_of > 0 && frame % self.one_of == self.one_of - 1;
+        let one_of = self.one_of.load(Ordering::Relaxed);
+        let is_one = one_of > 0 && frame % one_of == one_of - 1;
         (!is_one && frame < self.from.load(Ordering::Relaxed)).then_some(length)
     }
 

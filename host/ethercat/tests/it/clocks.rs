@@ -7,7 +7,7 @@ use gantry_tau_ethercat::emulation::{
 };
 use gantry_tau_ethercat::steering::SteeringFault;
 use gantry_tau_ethercat::{
-    BringUpError, ClockSettings, Condition, Drives, Fault, Offset, Wire as _,
+    BringUpError, ClockSettings, Condition, Drives, Extras, Fault, Offset, Wire as _,
 };
 
 use crate::bench::{CYCLE_US, Lossy, SETTINGS, Server, Wire, configs, setup, standing};
@@ -17,6 +17,13 @@ const CLOCKS: ClockSettings = ClockSettings {
     frame_to_sync0_ns: 500_000,
     has_sync1: false,
 };
+fn with(clocks: ClockSettings) -> Extras {
+    Extras {
+        clocks: Some(clocks),
+        force_sensor: None,
+    }
+}
+
 /// Types of 1C32h:04 of a drive that runs on SYNC0 alone.
 const SYNC0_ONLY: u16 = 0x0804;
 
@@ -41,7 +48,7 @@ fn chain(drift_ppb: [i32; 3]) -> Wire {
 }
 
 fn started(wire: &Wire, clocks: ClockSettings) -> Result<Server<3>, BringUpError> {
-    let mut drives = Drives::bring_up_with(wire.clone(), &configs(), SETTINGS, Some(clocks))?;
+    let mut drives = Drives::bring_up_with(wire.clone(), &configs(), SETTINGS, with(clocks))?;
     let offsets = [Offset::default(); 3];
     drives.start(|inputs| standing(inputs, &offsets));
     let targets = standing(drives.inputs(), &offsets);
@@ -399,7 +406,7 @@ fn a_bus_that_is_gone_at_the_start_is_named() {
     let wire = chain([0; 3]);
     let lossy = Lossy::new(wire, 0);
     let mut drives =
-        Drives::<_, 3>::bring_up_with(lossy.clone(), &configs(), SETTINGS, Some(CLOCKS)).unwrap();
+        Drives::<_, 3>::bring_up_with(lossy.clone(), &configs(), SETTINGS, with(CLOCKS)).unwrap();
     // The first exchange still passes.
     lossy.pass(1);
     drives.start(|inputs| standing(inputs, &[Offset::default(); 3]));

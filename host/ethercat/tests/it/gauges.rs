@@ -5,7 +5,7 @@ use gantry_tau_ethercat::emulation::{
     SubDevice,
 };
 use gantry_tau_ethercat::gauges::{
-    CounterMap, GaugeConfig, GaugeRefusal, Gauges, GaugesError, NoCount,
+    CounterMap, GaugeConfig, Gauges, GaugesError, InstrumentRefusal, NoReading,
 };
 use gantry_tau_ethercat::{DevicePlace, Wire as _};
 
@@ -86,13 +86,13 @@ impl Bench {
         change(bench.chain.instrument_mut(index + 1).unwrap())
     }
 
-    fn cycle(&mut self) -> Vec<Result<i64, NoCount>> {
+    fn cycle(&mut self) -> Vec<Result<i64, NoReading>> {
         self.gauges.wire_mut().begin_cycles(1, CYCLE_US);
         self.gauges.cycle();
         self.gauges.counts().collect()
     }
 
-    fn after(&mut self, cycles: u32) -> Vec<Result<i64, NoCount>> {
+    fn after(&mut self, cycles: u32) -> Vec<Result<i64, NoReading>> {
         (1..cycles).for_each(|_| drop(self.cycle()));
         self.cycle()
     }
@@ -145,11 +145,11 @@ fn every_terminal_gives_its_counts_from_the_start_on() {
 #[test]
 fn each_fault_of_a_terminal_is_seen_within_three_cycles_and_is_of_its_gauge_alone() {
     type Change = fn(&mut EncoderTerminal, bool);
-    let faults: [(NoCount, Change); 4] = [
-        (NoCount::OpenCircuit, EncoderTerminal::break_wire),
-        (NoCount::SyncError, EncoderTerminal::set_sync_error),
-        (NoCount::Invalid, EncoderTerminal::invalidate),
-        (NoCount::Frozen, EncoderTerminal::freeze),
+    let faults: [(NoReading, Change); 4] = [
+        (NoReading::OpenCircuit, EncoderTerminal::break_wire),
+        (NoReading::SyncError, EncoderTerminal::set_sync_error),
+        (NoReading::Invalid, EncoderTerminal::invalidate),
+        (NoReading::Frozen, EncoderTerminal::freeze),
     ];
     let mut bench = Bench::new();
     for (reason, change) in faults {
@@ -169,18 +169,18 @@ fn lost_frames_and_wrong_counters_leave_all_without_for_a_cycle() {
     let mut bench = Bench::new();
     bench.terminal(0, |terminal| terminal.set_counts(5));
     bench.wire.bench().faults.lost_out = 1;
-    assert_eq!(bench.cycle(), [Err(NoCount::NoAnswer); 4]);
+    assert_eq!(bench.cycle(), [Err(NoReading::NoAnswer); 4]);
     bench.wire.bench().faults.lost_back = 1;
-    assert_eq!(bench.cycle(), [Err(NoCount::NoAnswer); 4]);
+    assert_eq!(bench.cycle(), [Err(NoReading::NoAnswer); 4]);
     bench.wire.bench().faults.counter_less = 1;
-    assert_eq!(bench.cycle(), [Err(NoCount::WorkingCounter); 4]);
+    assert_eq!(bench.cycle(), [Err(NoReading::WorkingCounter); 4]);
     bench.wire.bench().faults.counter_less = 0;
     assert_eq!(bench.cycle(), [Ok(5), Ok(0), Ok(0), Ok(0)]);
     // An answer that comes after its time is no answer, and none of the next frame.
     let mut bench_now = bench.wire.bench();
     (bench_now.faults.delay_us, bench_now.faults.delayed) = (900, 1);
     drop(bench_now);
-    assert_eq!(bench.cycle(), [Err(NoCount::NoAnswer); 4]);
+    assert_eq!(bench.cycle(), [Err(NoReading::NoAnswer); 4]);
     assert_eq!(bench.after(2), [Ok(5), Ok(0), Ok(0), Ok(0)]);
 }
 
@@ -192,7 +192,7 @@ fn a_terminal_that_left_op_is_led_back_and_keeps_its_count() {
     bench.subdevice(2, |subdevice| subdevice.fail(0x001B));
     bench.terminal(2, |terminal| terminal.set_counts(40));
     let counts = bench.cycle();
-    assert_eq!(counts[2], Err(NoCount::State { state: 4 }));
+    assert_eq!(counts[2], Err(NoReading::State { state: 4 }));
     assert_eq!((counts[0], counts[3]), (Ok(0), Ok(0)));
     assert_eq!(bench.after(30), [Ok(0), Ok(0), Ok(40), Ok(0)]);
     // The server's computer stands for longer than the watchdogs.
@@ -209,7 +209,12 @@ fn a_terminal_that_was_restarted_stays_without_and_the_others_go_on() {
     (0..4).for_each(|index| bench.terminal(index, |terminal| terminal.set_counts(100)));
     assert_eq!(bench.after(2), [Ok(100); 4]);
     bench.subdevice(0, SubDevice::power_cycle);
-    let expected = [Err(NoCount::State { state: 0 }), Ok(100), Ok(100), Ok(100)];
+    let expected = [
+        Err(NoReading::State { state: 0 }),
+        Ok(100),
+        Ok(100),
+        Ok(100),
+    ];
     assert_eq!(bench.after(3), expected);
     assert_eq!(bench.after(2_000), expected);
 }
@@ -219,14 +224,14 @@ fn a_terminal_that_was_restarted_stays_without_and_the_others_go_on() {
 fn a_cable_that_is_mended_brings_the_counts_back_but_for_narrow_counters() {
     let mut bench = Bench::new();
     bench.wire.bench().chain.cut_behind(2);
-    let gone = Err(NoCount::State { state: 0 });
+    let gone = Err(NoReading::State { state: 0 });
     assert_eq!(bench.after(3), [Ok(0), gone, gone, gone]);
     (1..4).for_each(|index| bench.terminal(index, |terminal| terminal.set_counts(30)));
     bench.after(300);
     bench.wire.bench().chain.cut_behind(5);
     assert_eq!(
         bench.after(100),
-        [Ok(0), Err(NoCount::LostTurns), Ok(30), Ok(30)]
+        [Ok(0), Err(NoReading::LostTurns), Ok(30), Ok(30)]
     );
 }
 
@@ -246,7 +251,7 @@ fn what_stands_in_the_wrong_place_is_named() {
     assert_eq!(gauge, 0);
     assert_eq!(
         reason.to_string(),
-        "at position 1 is product 0x141f3052 of vendor 0x00000002; expected 0x13ed3052 of 0x00000002 (are two terminals swapped?)"
+        "at position 1 is product 0x141f3052 of vendor 0x00000002; expected 0x13ed3052 of 0x00000002 (are two devices swapped?)"
     );
     let (gauge, _) = refusal(&swapped, &[config(1, EL5151), config(2, EL5151)]);
     assert_eq!(gauge, 1);
@@ -256,12 +261,12 @@ fn what_stands_in_the_wrong_place_is_named() {
         &[1, 2, 3].map(|at| config(at, EL5101)),
     );
     let place = DevicePlace::Position(3);
-    assert_eq!(missing, (2, GaugeRefusal::Missing { place, found: 3 }));
+    assert_eq!(missing, (2, InstrumentRefusal::Missing { place, found: 3 }));
     let (_, reason) = refusal(&[EncoderModel::El5101], &[config(0, EL5101)]);
-    assert!(matches!(reason, GaugeRefusal::Identity { .. }));
+    assert!(matches!(reason, InstrumentRefusal::Identity { .. }));
     let (gauge, reason) = refusal(&[EncoderModel::El5101; 2], &[config(1, EL5101); 2]);
     let place = DevicePlace::Position(1);
-    assert_eq!((gauge, reason), (0, GaugeRefusal::Ambiguous { place }));
+    assert_eq!((gauge, reason), (0, InstrumentRefusal::Ambiguous { place }));
 }
 
 #[test]
@@ -276,7 +281,7 @@ fn a_terminal_that_refuses_op_is_named_with_its_code() {
             panic!("{outcome:?}");
         };
         assert_eq!(gauge, 2);
-        let GaugeRefusal::NotOperational { state: stays, .. } = reason else {
+        let InstrumentRefusal::NotOperational { state: stays, .. } = reason else {
             panic!("{reason}");
         };
         assert_eq!(stays, state / 2);
@@ -324,7 +329,7 @@ fn a_cycle_without_an_answer_ends_in_time() {
     let mut bench = Bench::new();
     bench.wire.bench().chain.cut_behind(0);
     let before = bench.gauges.wire_mut().now_us();
-    assert_eq!(bench.cycle(), [Err(NoCount::NoAnswer); 4]);
+    assert_eq!(bench.cycle(), [Err(NoReading::NoAnswer); 4]);
     let took = bench.gauges.wire_mut().now_us() - before;
     assert!(took <= CYCLE_US + 2 * u64::from(ANSWER_US), "{took}");
 }

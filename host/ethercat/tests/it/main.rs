@@ -12,6 +12,7 @@
 mod bench;
 mod clocks;
 mod faults;
+mod force;
 mod gauges;
 mod operation;
 mod refused;

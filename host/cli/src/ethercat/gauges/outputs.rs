@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_ethercat::gauges::NoCount;
+use gantry_tau_ethercat::gauges::NoReading;
 use gantry_tau_labcomm::Version;
 use gantry_tau_server::links::Allowed;
 use gantry_tau_server::links::gauges::{GaugePublisher, Lengths};
@@ -85,7 +85,7 @@ impl GaugeOutputs {
     pub(super) fn put(
         &mut self,
         lengths: &Lengths,
-        counts: impl Iterator<Item = Result<i64, NoCount>>,
+        counts: impl Iterator<Item = Result<i64, NoReading>>,
     ) {
         self.link.publish(lengths);
         if let Some(labcomm) = &mut self.labcomm {

@@ -3,7 +3,7 @@
 //! Maps of EL5101, EL5101-0010 and EL5151 `[infosys el5101 10715105803, 10718449291; el515x
 //! 1567650827]`: a status, the counter, a latch that is never used.
 
-use super::NoCount;
+use super::{Instrument, InstrumentRefusal, NoReading, Setup};
 
 /// Bits of a status of 16 bits: an open circuit, a synchronisation error, invalid inputs, and the
 /// one that changes with each new value.
@@ -16,6 +16,19 @@ const FROZEN_CYCLES: u32 = 3;
 /// Cycles without a count after which a counter of 16 bits has lost its turns: half of them are
 /// 16 mm at 0.5 µm, which no plunger goes in a tenth of a second by itself.
 const MAX_GAP: u32 = 100;
+
+/// PDO assignments of outputs and inputs.
+const OUTPUTS: u16 = 0x1C12;
+const INPUTS: u16 = 0x1C13;
+/// PDOs of outputs and inputs, the best first: a counter of 32 bits of an EL5101, and the only ones
+/// of an EL5101-0010 and an EL5151.
+const PDOS: [[u16; 2]; 2] = [[0x1603, 0x1A04], [0x1600, 0x1A00]];
+/// Objects by which the terminal's program runs: of its inputs, and of its outputs.
+const SYNCHRONISATION: [u16; 2] = [0x1C33, 0x1C32];
+/// From the object of a status to that of the settings; its sub-indices that switch the checks of
+/// the wires on.
+const TO_SETTINGS: u16 = 0x2000;
+const WIRE_CHECKS: [u8; 2] = [0x0B, 0x0C];
 
 /// Inputs of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +44,7 @@ pub enum CounterMap {
 
 impl CounterMap {
     /// Returns the map of so many bits; `None` for another one.
-    pub(super) const fn of_bits(bits: u32) -> Option<Self> {
+    const fn of_bits(bits: u32) -> Option<Self> {
         match bits {
             80 => Some(Self::Bits32),
             48 => Some(Self::Bits16),
@@ -69,7 +82,7 @@ impl CounterMap {
 
 /// Count of a terminal since its first one.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Counter {
+pub(crate) struct Counter {
     map: CounterMap,
     /// The toggle bit changes in each cycle.
     toggles: bool,
@@ -79,13 +92,13 @@ pub(super) struct Counter {
     frozen_for: u32,
     without: u32,
     /// Count of this cycle.
-    count: Result<i64, NoCount>,
+    count: Result<i64, NoReading>,
 }
 
 impl Counter {
     /// A counter before its first cycle. `toggles` is false for a terminal that runs freely: its
     /// toggle bit may change twice between two frames.
-    pub(super) fn new(map: CounterMap, toggles: bool) -> Self {
+    fn new(map: CounterMap, toggles: bool) -> Self {
         Self {
             map,
             toggles: toggles && map != CounterMap::Old,
@@ -93,23 +106,57 @@ impl Counter {
             toggle: None,
             frozen_for: 0,
             without: 0,
-            count: Err(NoCount::NoAnswer),
+            count: Err(NoReading::NoAnswer),
         }
     }
 
-    pub(super) const fn map(&self) -> CounterMap {
+    /// Prepares a terminal in PRE-OP: chooses the widest counter that it has, and switches its wire
+    /// checks on.
+    pub(crate) async fn prepare(terminal: &Setup<'_>) -> Result<Self, InstrumentRefusal> {
+        for [outputs, inputs] in PDOS {
+            if terminal.object::<u8>(inputs, 0).await?.is_some() {
+                terminal.assign(OUTPUTS, outputs).await?;
+                terminal.assign(INPUTS, inputs).await?;
+                break;
+            }
+        }
+        let (status, bits) = terminal.assigned(INPUTS).await?;
+        let expected = "a counter's are of 80, 48 or 40: status, counter and latch";
+        let map = CounterMap::of_bits(bits).ok_or(InstrumentRefusal::Map { bits, expected })?;
+        let settings = status.wrapping_add(TO_SETTINGS);
+        for sub in WIRE_CHECKS {
+            if map != CounterMap::Old && terminal.object::<u8>(settings, sub).await?.is_some() {
+                terminal.write(settings, sub, 1_u8).await?;
+            }
+        }
+        for object in SYNCHRONISATION {
+            if let Some(kind) = terminal.object::<u16>(object, 1).await? {
+                return Ok(Self::new(map, kind != 0));
+            }
+        }
+        Ok(Self::new(map, true))
+    }
+
+    pub(crate) const fn map(&self) -> CounterMap {
         self.map
     }
 
     /// Count of the last cycle.
-    pub(super) const fn count(&self) -> Result<i64, NoCount> {
+    pub(crate) const fn count(&self) -> Result<i64, NoReading> {
         self.count
     }
 
-    /// Takes the inputs of a cycle.
-    pub(super) fn take(&mut self, inputs: &[u8]) {
+    /// True if a narrow counter may have turned meanwhile: what it counts from is not known any more.
+    const fn has_lost_turns(&self) -> bool {
+        let is_narrow = !matches!(self.map, CounterMap::Bits32);
+        is_narrow && self.last.is_some() && self.without > MAX_GAP
+    }
+}
+
+impl Instrument for Counter {
+    fn take(&mut self, inputs: &[u8]) {
         let Some((status, counter)) = self.map.read(inputs) else {
-            return self.miss(NoCount::WorkingCounter);
+            return self.miss(NoReading::WorkingCounter);
         };
         let toggle = status & TOGGLE != 0;
         let stands = self.toggles && self.toggle.replace(toggle) == Some(toggle);
@@ -119,11 +166,11 @@ impl Counter {
             0
         };
         let reasons = [
-            (status & OPEN_CIRCUIT != 0, NoCount::OpenCircuit),
-            (status & SYNC_ERROR != 0, NoCount::SyncError),
-            (status & INVALID != 0, NoCount::Invalid),
-            (self.frozen_for >= FROZEN_CYCLES, NoCount::Frozen),
-            (self.has_lost_turns(), NoCount::LostTurns),
+            (status & OPEN_CIRCUIT != 0, NoReading::OpenCircuit),
+            (status & SYNC_ERROR != 0, NoReading::SyncError),
+            (status & INVALID != 0, NoReading::Invalid),
+            (self.frozen_for >= FROZEN_CYCLES, NoReading::Frozen),
+            (self.has_lost_turns(), NoReading::LostTurns),
         ];
         if let Some((_, reason)) = reasons.into_iter().find(|(holds, _)| *holds) {
             return self.miss(reason);
@@ -137,20 +184,13 @@ impl Counter {
         self.count = Ok(way);
     }
 
-    /// Takes note of a cycle without a count.
-    pub(super) fn miss(&mut self, reason: NoCount) {
+    fn miss(&mut self, reason: NoReading) {
         self.without = self.without.saturating_add(1);
         self.count = Err(if self.has_lost_turns() {
-            NoCount::LostTurns
+            NoReading::LostTurns
         } else {
             reason
         });
-    }
-
-    /// True if a narrow counter may have turned meanwhile: what it counts from is not known any more.
-    const fn has_lost_turns(&self) -> bool {
-        let is_narrow = !matches!(self.map, CounterMap::Bits32);
-        is_narrow && self.last.is_some() && self.without > MAX_GAP
     }
 }
 
@@ -213,9 +253,9 @@ mod tests {
     #[test]
     fn each_bit_of_the_status_is_a_reason() {
         for (bit, reason) in [
-            (OPEN_CIRCUIT, NoCount::OpenCircuit),
-            (SYNC_ERROR, NoCount::SyncError),
-            (INVALID, NoCount::Invalid),
+            (OPEN_CIRCUIT, NoReading::OpenCircuit),
+            (SYNC_ERROR, NoReading::SyncError),
+            (INVALID, NoReading::Invalid),
         ] {
             let mut counter = Counter::new(CounterMap::Bits32, true);
             counter.take(&wide(0, 4));
@@ -241,7 +281,7 @@ mod tests {
             });
             counts.to_vec()
         };
-        let frozen = [Ok(0), Ok(0), Ok(0), Err(NoCount::Frozen), Ok(0)];
+        let frozen = [Ok(0), Ok(0), Ok(0), Err(NoReading::Frozen), Ok(0)];
         assert_eq!(taken(true), frozen);
         assert_eq!(taken(false), [Ok(0); 5], "it runs freely");
     }
@@ -260,16 +300,16 @@ mod tests {
             };
             let mut counter = Counter::new(map, false);
             for _ in 0..=2 * MAX_GAP {
-                counter.miss(NoCount::NoAnswer);
+                counter.miss(NoReading::NoAnswer);
             }
             counter.take(&bytes);
             assert_eq!(counter.count(), Ok(0), "before its first count it has none");
-            (0..gap).for_each(|_| counter.miss(NoCount::NoAnswer));
+            (0..gap).for_each(|_| counter.miss(NoReading::NoAnswer));
             counter.take(&bytes);
             let expected = if known {
                 Ok(0)
             } else {
-                Err(NoCount::LostTurns)
+                Err(NoReading::LostTurns)
             };
             assert_eq!(counter.count(), expected, "{map:?}, {gap}");
             counter.take(&bytes);
@@ -283,7 +323,7 @@ mod tests {
             for length in 0..3 {
                 let mut counter = Counter::new(map, true);
                 counter.take(&vec![0; length]);
-                assert_eq!(counter.count(), Err(NoCount::WorkingCounter));
+                assert_eq!(counter.count(), Err(NoReading::WorkingCounter));
             }
         }
     }
