@@ -1,6 +1,7 @@
 //! Drives over EtherCAT behind [`Plant`](gantry_tau_server::plant::Plant): units, axes, and what is
 //! in force. The bus is `gantry_tau_ethercat`'s.
 
+mod bus_reports;
 mod emulated;
 mod fault_log;
 pub(crate) mod gauges;

@@ -34,7 +34,7 @@ use crate::model::{F1, L2, MachineKind};
 pub use configurations::CYCLE_US;
 pub use drive_profile::{Interface, MAX_DELAY, Profile, RATED_FORCE_N, TORQUE_LIMIT};
 pub use drives::DriveKeys;
-pub use ethercat::{Clocks, Ethercat, EthercatDrive};
+pub use ethercat::{Clocks, Ethercat, EthercatDrive, EthercatForceSensor, ForceSensorKind};
 pub use keys::{F1Keys, Keys, L2Keys};
 pub use learned::{Calibrated, Identified, Play};
 pub use masses::{DAMPING_RATIO, InertiaKeys};

@@ -220,6 +220,21 @@ pub struct ToolReading {
     pub gauges_m: [f64; 3],
 }
 
+impl ToolReading {
+    /// A tool of which nothing is known: not numbers, as a real machine has them where it has no
+    /// instrument.
+    pub const UNKNOWN: Self = Self {
+        step: 0,
+        load: [f64::NAN; 6],
+        sensor: [f64::NAN; 6],
+        sensor_age: 0,
+        acceleration: None,
+        displacement_m: [f64::NAN; 3],
+        turn_rad: [f64::NAN; 3],
+        gauges_m: [f64::NAN; 3],
+    };
+}
+
 /// Error of a call to a [`Plant`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the machine could not {operation}: {reason}")]

@@ -3,10 +3,11 @@
 use gantry_tau_core::control::axis::{InForce, Reference};
 use gantry_tau_core::units::{TorquePermille, VelocityUmS};
 use gantry_tau_ethercat::emulation::{
-    Chain, ClockSetup, Drive, DriveSetup, EmulatedWire, Identity, Node, Process, SubDevice,
+    Chain, ClockSetup, Drive, DriveSetup, EmulatedWire, ForceTerminal, ForceUnits, Identity,
+    Instrument, Node, Process, SubDevice,
 };
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{Clocks, Ethercat, RobotFile};
+use gantry_tau_machine::robot_file::{Clocks, Ethercat, EthercatForceSensor, RobotFile};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::plant::{Plant, PlantError, ToolReading};
 use gantry_tau_sim::load_generator::AppliedLoad;
@@ -20,6 +21,9 @@ const FOLLOWING_ERROR_M: f64 = 2e-3;
 const FOLLOWING_ERROR_MS: u16 = 10;
 /// Deceleration of an emulated drive's quick stop, m/s².
 const QUICK_STOP_M_PER_S2: f64 = 10.0;
+
+/// Status of a force sensor beyond its range.
+const SATURATED: u32 = 0x4000_0000;
 
 /// Bits of 1C32h:04.
 const SYNC0: u16 = 0x04;
@@ -42,6 +46,21 @@ pub struct EmulatedMachine<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> Process for EmulatedMachine<N, M> {
+    fn measure(&mut self, instruments: &mut [SubDevice<Instrument>]) {
+        for subdevice in instruments {
+            let Instrument::Force(sensor) = subdevice.device_mut() else {
+                continue;
+            };
+            match self.tool.and_then(|tool| force_counts(&tool.sensor)) {
+                Some(counts) => {
+                    sensor.set_counts(counts);
+                    sensor.set_status(0);
+                }
+                None => sensor.set_status(SATURATED),
+            }
+        }
+    }
+
     fn step(&mut self, drives: &mut [SubDevice]) {
         let mut references = [Reference {
             position: Default::default(),
@@ -102,6 +121,29 @@ impl<const N: usize, const M: usize> Process for EmulatedMachine<N, M> {
             motor.torque = units.turned(actual.torque.0);
         }
     }
+}
+
+/// Units of the emulated force sensor: 0.01 mN and 1 µN m, to ±21 kN and ±2.1 kN m.
+const FORCE_UNITS: ForceUnits = ForceUnits {
+    force: 2,
+    torque: 3,
+    counts_per_force: 100_000,
+    counts_per_torque: 1_000_000,
+};
+
+/// Counts of a load at the emulated force sensor; `None` for one that it cannot measure.
+fn force_counts(load: &[f64; 6]) -> Option<[i32; 6]> {
+    let (force, torque) = (FORCE_UNITS.counts_per_force, FORCE_UNITS.counts_per_torque);
+    let per_unit = [force, force, force, torque, torque, torque];
+    let mut counts = [0; 6];
+    for ((place, load), per_unit) in counts.iter_mut().zip(load).zip(per_unit) {
+        let exact = (load * f64::from(per_unit)).round();
+        if exact.is_nan() || exact.abs() > f64::from(i32::MAX) {
+            return None;
+        }
+        *place = exact as i32;
+    }
+    Some(counts)
 }
 
 impl<const N: usize, const M: usize> MachineWire<N> for EmulatedBus<N, M> {
@@ -204,10 +246,36 @@ pub fn emulated_bus<K: MachineKind<N>, const N: usize, const M: usize>(
         tool: None,
         failure: None,
     };
-    let nodes = (0_u32..)
+    let mut nodes: Vec<Node> = (0_u32..)
         .zip(&setups)
-        .map(|(index, setup)| Node::Drive(drive(index, setup, section.clocks)));
-    Ok(EmulatedWire::new(Chain::of(nodes.collect(), machine)))
+        .map(|(index, setup)| Node::Drive(drive(index, setup, section.clocks)))
+        .collect();
+    if let Some(sensor) = &section.force_sensor {
+        nodes.push(force_sensor(robot, sensor, nodes.len())?);
+    }
+    Ok(EmulatedWire::new(Chain::of(nodes, machine)))
+}
+
+/// Returns an emulated force sensor, which stands behind the drives.
+fn force_sensor<K, const N: usize>(
+    robot: &RobotFile<K, N>,
+    sensor: &EthercatForceSensor,
+    position: usize,
+) -> Result<Node, EthercatError> {
+    if sensor.position.map(usize::from) != Some(position) {
+        return Err(EthercatError::Drives {
+            file: robot.name.clone(),
+            key: "ethercat.force_sensor.position".to_owned(),
+            reason: format!("the emulated bus has the sensor behind the drives, at {position}"),
+        });
+    }
+    let identity = Identity {
+        vendor: sensor.vendor,
+        product: sensor.product,
+        ..ForceTerminal::IDENTITY
+    };
+    let terminal = ForceTerminal::new(identity, FORCE_UNITS);
+    Ok(Node::Instrument(SubDevice::of(Instrument::Force(terminal))))
 }
 
 /// Returns an emulated drive. With clocks it is one that runs on SYNC0 alone, and whose clock has a

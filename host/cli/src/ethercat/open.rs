@@ -4,14 +4,17 @@ use gantry_tau_core::control::axis::{InForce, Offsets};
 use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_ethercat::{
-    BringUpError, ClockSettings, DevicePlace, DriveConfig, Drives, Initial, Settings,
+    BringUpError, ClockSettings, DevicePlace, DriveConfig, Drives, Extras, ForceSensorConfig,
+    Initial, Settings,
 };
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{Clocks, Ethercat, EthercatDrive, RobotFile};
+use gantry_tau_machine::robot_file::{
+    Clocks, Ethercat, EthercatDrive, EthercatForceSensor, RobotFile,
+};
 use gantry_tau_server::plant::interpolator::Interpolator;
 use gantry_tau_server::plant::interpolator::Motion;
 
-use super::fault_log::ClockReports;
+use super::bus_reports::BusReports;
 use super::initial_state::{APART_NM, axis_position, offsets_of};
 use super::plant::{DriveMotor, EthercatPlant, MachineWire};
 
@@ -102,6 +105,7 @@ fn key(error: &BringUpError) -> String {
         BringUpError::MissingObject { motor, .. }
         | BringUpError::Refused { motor, .. }
         | BringUpError::Exchange { motor, .. } => format!("ethercat.drives[{motor}]"),
+        BringUpError::ForceSensor { .. } => "ethercat.force_sensor".to_owned(),
         BringUpError::Silent
         | BringUpError::TooMany
         | BringUpError::Bus { .. }
@@ -124,15 +128,37 @@ fn clocks(section: &Ethercat) -> Option<ClockSettings> {
     })
 }
 
+/// Returns what the bus has beside drives that run freely.
+fn extras(section: &Ethercat) -> Extras {
+    Extras {
+        clocks: clocks(section),
+        force_sensor: section.force_sensor.as_ref().map(force_sensor),
+    }
+}
+
+fn force_sensor(sensor: &EthercatForceSensor) -> ForceSensorConfig {
+    ForceSensorConfig {
+        place: place(sensor.alias, sensor.position),
+        vendor: sensor.vendor,
+        product: sensor.product,
+        calibration: sensor.calibration,
+    }
+}
+
+/// Returns the place that one of the two keys names.
+fn place(alias: Option<u16>, position: Option<u16>) -> DevicePlace {
+    match (alias, position) {
+        (Some(alias), _) => DevicePlace::Alias(alias),
+        (None, position) => DevicePlace::Position(position.unwrap_or(0)),
+    }
+}
+
 /// Returns the expectations of a drive.
 fn config(drive: &EthercatDrive, motor: &DriveMotor, axis: &AxisConfig) -> DriveConfig {
     let travel = axis.machine_travel;
     let ends = [travel.lower, travel.upper].map(|end| motor.scale.counts(end).unwrap_or(0));
     DriveConfig {
-        place: match (drive.alias, drive.position) {
-            (Some(alias), _) => DevicePlace::Alias(alias),
-            (None, position) => DevicePlace::Position(position.unwrap_or(0)),
-        },
+        place: place(drive.alias, drive.position),
         vendor: drive.vendor,
         product: drive.product,
         serial: drive.serial,
@@ -190,7 +216,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             watchdog_cycles: section.watchdog_cycles,
             answer_us: ANSWER_US,
         };
-        let drives = Drives::bring_up_with(wire, &configs, settings, clocks(section));
+        let drives = Drives::bring_up_with(wire, &configs, settings, extras(section));
         let drives = drives.map_err(|error| EthercatError::BringUp {
             file: robot.name.clone(),
             key: key(&error),
@@ -214,7 +240,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             refusal: None,
             travel: robot.limits.map(|limits| limits.machine_travel),
             faults: None,
-            clock: ClockReports::default(),
+            reports: BusReports::default(),
         })
     }
 }

@@ -12,7 +12,8 @@ use gantry_tau_server::plant::interpolator::Interpolator;
 use gantry_tau_server::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use gantry_tau_server::realtime;
 
-use super::fault_log::{ClockReports, FaultLog};
+use super::bus_reports::BusReports;
+use super::fault_log::FaultLog;
 use super::initial_state::{APART_NM, axis_position, targets};
 
 /// Re-arms of an axis that may fail.
@@ -122,7 +123,7 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
     /// Travel of the axes.
     pub(super) travel: [Travel; N],
     pub(super) faults: Option<rtrb::Producer<Fault>>,
-    pub(super) clock: ClockReports,
+    pub(super) reports: BusReports,
 }
 
 impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
@@ -130,7 +131,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
     pub fn fault_log(&mut self) -> FaultLog {
         let (log, faults, reports) = FaultLog::new();
         self.faults = Some(faults);
-        self.clock.report_to(reports);
+        self.reports.report_to(reports);
         log
     }
 
@@ -138,6 +139,20 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
     #[must_use]
     pub const fn drives_on_the_bus(&self) -> &Drives<W, M> {
         &self.drives
+    }
+
+    /// Returns what is known of the tool. The force sensor of the bus was read in the last exchange,
+    /// as the drives were.
+    fn tool(&mut self) -> Option<ToolReading> {
+        let tool = self.drives.wire_mut().tool();
+        let Some(reading) = self.drives.force() else {
+            return tool;
+        };
+        Some(ToolReading {
+            sensor: reading.unwrap_or([f64::NAN; 6]),
+            sensor_age: 1,
+            ..tool.unwrap_or(ToolReading::UNKNOWN)
+        })
     }
 
     fn note(&mut self, outcome: Result<(), Fault>) {
@@ -308,7 +323,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> Plant<N, M> for Ethercat
         Ok(Reading {
             nominal: self.nominal,
             actual,
-            tool: self.drives.wire_mut().tool(),
+            tool: self.tool(),
         })
     }
 
@@ -338,7 +353,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> Plant<N, M> for Ethercat
         }
         self.drives.wire_mut().note(&self.sent);
         let outcome = self.drives.cycle(&wanted);
-        self.clock.see(&self.drives);
+        self.reports.see(&self.drives);
         self.failure = self.drives.wire_mut().failure();
         if self.drives.is_confirmed() {
             self.in_force = self.sent;

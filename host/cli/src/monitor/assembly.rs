@@ -231,11 +231,19 @@ impl Assembly {
                 Some(drives) => Some(drives.states()?.into_iter().map(DriveState::name).collect()),
                 None => None,
             },
-            force: tool.map(|tool| tool.load),
-            gauges_m: tool.map(|tool| tool.gauges_m),
-            displacement_m: tool.map(|tool| tool.displacement_m),
-            turn_rad: tool.map(|tool| tool.turn_rad),
+            force: tool.and_then(|tool| known(tool.load)),
+            gauges_m: tool.and_then(|tool| known(tool.gauges_m)),
+            displacement_m: tool.and_then(|tool| known(tool.displacement_m)),
+            turn_rad: tool.and_then(|tool| known(tool.turn_rad)),
             machine: None,
         }))
     }
+}
+
+/// Numbers of an instrument; `None` where a machine has none.
+fn known<const L: usize>(numbers: [f64; L]) -> Option<[f64; L]> {
+    numbers
+        .iter()
+        .all(|number| number.is_finite())
+        .then_some(numbers)
 }

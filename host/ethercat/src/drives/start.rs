@@ -3,6 +3,7 @@
 use super::{Condition, Drives, Group};
 use crate::cia402::{Input, Target};
 use crate::fault::Fault;
+use crate::instruments::NoReading;
 use crate::steered_cycle::SteeredCycle;
 use crate::wire::Wire;
 
@@ -14,7 +15,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// measurements. Blocks for some tenths of a second; the first [`cycle`](Self::cycle) must
     /// follow within the time of the watchdog. A drive in fault is left there: the condition is
     /// then [`Condition::Stopped`].
-    pub fn start(&mut self, mut standing: impl FnMut(&[Input; M]) -> [Target; M]) {
+    pub fn start(&mut self, standing: impl FnMut(&[Input; M]) -> [Target; M]) {
+        self.come_into_operation(standing);
+        // What was read meanwhile is old when the first cycle comes.
+        if let Some(sensor) = &mut self.force_sensor {
+            sensor.miss(NoReading::NoAnswer);
+        }
+    }
+
+    fn come_into_operation(&mut self, mut standing: impl FnMut(&[Input; M]) -> [Target; M]) {
         let first = standing(&self.inputs);
         // Outputs that are valid before OP is asked for.
         if let Err(fault) = self.exchange(&[0; M], &first) {
@@ -34,7 +43,9 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         while matches!(self.condition, Condition::Rearming { .. }) {
             self.rest();
             let targets = standing(&self.inputs);
+            let began_us = self.pump.wire.now_us();
             let _enabled = self.step_towards_operation(&targets, false);
+            self.read_instruments(began_us);
             let fault = self.steer();
             if let (Some(fault), Condition::Rearming { .. }) = (fault, self.condition) {
                 self.condition = Condition::Stopped(Fault::Clock(fault));
@@ -70,8 +81,10 @@ impl<W: Wire, const M: usize> Drives<W, M> {
                 return Ok(());
             }
             self.rest();
+            let began_us = self.pump.wire.now_us();
             // A lost frame is a sample less.
             exchanged = self.exchange(&[0; M], targets);
+            self.read_instruments(began_us);
             // The first shift is a whole one: nothing follows SYNC0 yet.
             let steered = self.steered.as_mut().filter(|_| !is_aligned);
             if let Some(shift_ns) = steered.and_then(SteeredCycle::align) {

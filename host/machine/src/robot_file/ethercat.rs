@@ -29,6 +29,8 @@ pub struct Ethercat {
     pub frame_to_sync0_us: u32,
     /// Drive of each motor, in the order of `motors.axis_of_motor`.
     pub drives: Vec<EthercatDrive>,
+    /// Force sensor on the same bus.
+    pub force_sensor: Option<EthercatForceSensor>,
 }
 
 /// Clocks that drives run by.
@@ -72,6 +74,36 @@ pub struct EthercatDrive {
     pub velocity_unit_counts_per_s: f64,
 }
 
+/// `[ethercat.force_sensor]`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EthercatForceSensor {
+    /// Alias in the sensor's EEPROM; or `position`.
+    pub alias: Option<u16>,
+    /// Number of devices before it on the bus; or `alias`.
+    pub position: Option<u16>,
+    /// Vendor in the sensor's EEPROM.
+    pub vendor: u32,
+    /// Product code in the sensor's EEPROM.
+    pub product: u32,
+    /// Objects of the sensor.
+    pub kind: ForceSensorKind,
+    /// Calibration that the sensor uses, 0 to 15.
+    #[serde(default)]
+    pub calibration: u8,
+}
+
+/// Objects of a force sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceSensorKind {
+    /// Those of the ATI EtherCAT F/T.
+    Ati,
+}
+
+/// Largest number of a calibration.
+const MAX_CALIBRATION: u8 = 15;
+
 const fn one() -> f64 {
     1.0
 }
@@ -109,6 +141,7 @@ impl Ethercat {
             sync0_us: None,
             frame_to_sync0_us: half_a_cycle(),
             drives: drives.collect(),
+            force_sensor: None,
         }
     }
 
@@ -156,6 +189,9 @@ pub(super) fn check<const N: usize>(
         );
         problems.add("ethercat.watchdog_cycles", reason);
     }
+    if let Some(sensor) = &section.force_sensor {
+        check_force_sensor(sensor, &section.drives, problems);
+    }
     let (drives, count) = (section.drives.len(), motors.axis_of_motor.len());
     if drives != count {
         let reason = format!("lists {drives} drives, [motors] has {count} motors");
@@ -170,6 +206,34 @@ pub(super) fn check<const N: usize>(
         if let (Some(metres), Some(limits)) = (metres_per_q.get(*axis), limits) {
             check_scale(motor, drive, *metres, limits, problems);
         }
+    }
+}
+
+/// Checks where the force sensor is, and its calibration.
+fn check_force_sensor(
+    sensor: &EthercatForceSensor,
+    drives: &[EthercatDrive],
+    problems: &mut Problems,
+) {
+    let place = (sensor.alias, sensor.position);
+    let alias = "ethercat.force_sensor.alias";
+    if sensor.alias.is_some() == sensor.position.is_some() {
+        problems.add(alias, "expected either alias or position");
+    } else if sensor.alias == Some(0) {
+        let reason = "is 0, which is no alias; give the sensor one, or use position";
+        problems.add(alias, reason);
+    } else if drives
+        .iter()
+        .any(|drive| (drive.alias, drive.position) == place)
+    {
+        problems.add(alias, "names the drive of a motor");
+    }
+    if sensor.calibration > MAX_CALIBRATION {
+        let reason = format!(
+            "is {}; expected from 0 to {MAX_CALIBRATION}",
+            sensor.calibration
+        );
+        problems.add("ethercat.force_sensor.calibration", reason);
     }
 }
 

@@ -3,6 +3,7 @@
 mod clocks;
 mod compensation;
 mod faults;
+mod force;
 mod log;
 mod lost_frames;
 mod offsets;

@@ -1,0 +1,144 @@
+//! A force sensor on the bus of the drives: the client compensates what it measures, and leaves
+//! when it falls silent, while the drives go on.
+
+use std::sync::Arc;
+
+use gantry_tau::ethercat::{EthercatPlant, MachineWire as _, emulated_bus};
+use gantry_tau_client::{ClientControls, ClientError};
+use gantry_tau_core::control::message::{Cause, Phase};
+use gantry_tau_machine::model::MachineKind;
+use gantry_tau_machine::robot_file::{
+    Clocks, Ethercat, EthercatForceSensor, ForceSensorKind, RobotFile,
+};
+use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_sim::load_generator::{Load, load_generator};
+use gantry_tau_tests::{client_session, short_demo};
+
+use super::{Server, open, section};
+
+/// Largest errors of the emulated sensor: half a count, N and N m, and rounding.
+const HALF_A_COUNT: [f64; 2] = [0.5e-5 + 1e-9, 0.5e-6 + 1e-9];
+
+/// The emulated drives of a machine, and a force sensor behind them.
+fn with_sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
+    let drives = section(robot);
+    Ethercat {
+        force_sensor: Some(EthercatForceSensor {
+            alias: None,
+            position: u16::try_from(drives.drives.len()).ok(),
+            vendor: 0x732,
+            product: 0x2648_3052,
+            kind: ForceSensorKind::Ati,
+            calibration: 1,
+        }),
+        ..drives
+    }
+}
+
+fn compensates<K: MachineKind<N>, const N: usize, const M: usize>(
+    robot: RobotFile<K, N>,
+    clocks: Clocks,
+) {
+    let folder = tempfile::tempdir().unwrap();
+    let complaints = short_demo::complaints(
+        folder.path(),
+        robot,
+        |robot, tool| {
+            let section = Ethercat {
+                clocks,
+                ..with_sensor(robot)
+            };
+            let bus = emulated_bus::<_, N, M>(robot, &section, tool)?;
+            EthercatPlant::<_, N, M>::open(robot, &section, bus, |_| Motion::Hold)
+        },
+        |cycle, _| Ok(cycle),
+    );
+    assert_eq!(complaints, Vec::<String>::new());
+}
+
+#[test]
+fn what_it_measures_is_compensated_within_the_demos_tolerance() {
+    compensates::<_, 3, 3>(RobotFile::builtin_l2().unwrap(), Clocks::Free);
+    compensates::<_, 6, 9>(RobotFile::builtin_f1().unwrap(), Clocks::Free);
+}
+
+#[test]
+fn with_distributed_clocks_as_well() {
+    compensates::<_, 3, 3>(RobotFile::builtin_l2().unwrap(), Clocks::Sync0);
+}
+
+/// A sample is that of the exchange before, or none: it has the age of the drives' values.
+#[test]
+fn a_sample_is_of_the_last_exchange() {
+    let robot = RobotFile::builtin_l2().unwrap();
+    let section = with_sensor(&robot);
+    let (mut hand, tool) = load_generator();
+    let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
+    let mut server = Server::with(&robot, &section, &bus, 0.0);
+    let first = server.tick().tool.unwrap();
+    assert!(
+        first.sensor.iter().all(|component| component.is_nan()),
+        "nothing was read yet"
+    );
+    server.counts_allocations = true;
+    let (mut read, mut without) = (0, 0);
+    for tick in 0..500_u32 {
+        hand.set(&Load {
+            force_n: [f64::from(tick) / 10.0, 0.0, -3.0],
+            moment_nm: [0.0, 0.5, 0.0],
+            ..Load::default()
+        })
+        .unwrap();
+        match tick % 50 {
+            20 => bus.bench().chain.bypass(Some(3)),
+            25 => bus.bench().chain.bypass(None),
+            _ => {}
+        }
+        // What the sensor showed in the exchange that ended the last tick.
+        let shown = bus.clone().tool().unwrap().sensor;
+        let row = server.tick();
+        let tool = row.tool.unwrap();
+        assert!(!row.plant_failed, "{tick}");
+        if tool.sensor.iter().any(|component| component.is_nan()) {
+            without += 1;
+            continue;
+        }
+        read += 1;
+        assert_eq!(tool.sensor_age, 1);
+        for (index, (found, shown)) in tool.sensor.iter().zip(shown).enumerate() {
+            let limit = HALF_A_COUNT[index / 3];
+            assert!((found - shown).abs() <= limit, "{tick}: {found}, {shown}");
+        }
+    }
+    assert!(read > 300 && without >= 50, "{read}, {without}");
+}
+
+/// The silence rule of the client ends the session; the drives run, and the offsets ramp to zero.
+#[test]
+fn an_unplugged_sensor_ends_the_session_and_no_drive() {
+    let mut robot = RobotFile::builtin_l2().unwrap();
+    robot.sensor.tare_samples = 50;
+    let section = with_sensor(&robot);
+    let (_hand, tool) = load_generator();
+    let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
+    let plant = open::<_, 3, 3>(&robot, &section, &bus, 0.0).unwrap();
+    let cycle = client_session::cycle::<_, 3, 3, _>(&robot, plant);
+    let controls: Arc<ClientControls> = Arc::default();
+    let handle = bus.clone();
+    let mut obtained = 0_u32;
+    let (result, rows) = client_session::play(robot, cycle, None, &controls, |row| {
+        obtained += u32::from(row.state.phase == Phase::Obtain);
+        if obtained == 500 {
+            handle.bench().chain.bypass(Some(3));
+        }
+    });
+    match result {
+        Err(ClientError::SensorSilent(reason)) => {
+            assert!(reason.contains("none has come for too long"), "{reason}");
+        }
+        other => panic!("{other:?}"),
+    }
+    let last = rows.last().unwrap();
+    assert_eq!(last.ended, Some(Cause::Goodbye), "it leaves in good order");
+    assert!(rows.iter().all(|row| !row.plant_failed), "the drives go on");
+}
