@@ -4,12 +4,12 @@
 mod bus_reports;
 mod emulated;
 mod fault_log;
-pub(crate) mod gauges;
+pub mod gauges;
 mod initial_state;
 mod open;
 mod plant;
 
-pub use emulated::{EmulatedBus, EmulatedMachine, emulated_bus};
+pub use emulated::{EmulatedBus, EmulatedMachine, emulated_bus, emulated_bus_of};
 pub use fault_log::FaultLog;
 pub use open::EthercatError;
 pub use plant::{EthercatPlant, MachineWire};

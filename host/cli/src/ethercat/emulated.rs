@@ -30,12 +30,13 @@ const SYNC0: u16 = 0x04;
 const SYNC1: u16 = 0x08;
 
 /// A bus in process, with the simulated machine behind it.
-pub type EmulatedBus<const N: usize, const M: usize> = EmulatedWire<EmulatedMachine<N, M>>;
+pub type EmulatedBus<const N: usize, const M: usize> =
+    EmulatedWire<EmulatedMachine<SimulatedMachine<N, M>, N, M>>;
 
-/// The simulated machine as emulated drives move it.
+/// A machine as emulated drives move it; its own nominal path is not used.
 #[derive(Debug)]
-pub struct EmulatedMachine<const N: usize, const M: usize> {
-    machine: SimulatedMachine<N, M>,
+pub struct EmulatedMachine<P, const N: usize, const M: usize> {
+    machine: P,
     motors: [DriveMotor; M],
     /// References of drives without torque: their brakes hold them there.
     braked: [Option<Reference>; M],
@@ -45,7 +46,10 @@ pub struct EmulatedMachine<const N: usize, const M: usize> {
     failure: Option<PlantError>,
 }
 
-impl<const N: usize, const M: usize> Process for EmulatedMachine<N, M> {
+impl<P, const N: usize, const M: usize> Process for EmulatedMachine<P, N, M>
+where
+    P: Plant<N, M, Error = PlantError> + Send,
+{
     fn measure(&mut self, instruments: &mut [SubDevice<Instrument>]) {
         for subdevice in instruments {
             let Instrument::Force(sensor) = subdevice.device_mut() else {
@@ -146,7 +150,10 @@ fn force_counts(load: &[f64; 6]) -> Option<[i32; 6]> {
     Some(counts)
 }
 
-impl<const N: usize, const M: usize> MachineWire<N> for EmulatedBus<N, M> {
+impl<P, const N: usize, const M: usize> MachineWire<N> for EmulatedWire<EmulatedMachine<P, N, M>>
+where
+    P: Plant<N, M, Error = PlantError> + Send,
+{
     fn note(&mut self, parts: &[InForce; N]) {
         self.bench().chain.process_mut().parts = *parts;
     }
@@ -185,7 +192,22 @@ pub fn emulated_bus<K: MachineKind<N>, const N: usize, const M: usize>(
         ..robot.clone()
     };
     let machine = SimulatedMachine::<N, M>::from_robot(&ideal, tool, Motion::Hold);
-    let mut machine: SimulatedMachine<N, M> = machine.map_err(EthercatError::other)?;
+    emulated_bus_of(robot, section, machine.map_err(EthercatError::other)?)
+}
+
+/// Builds a bus of the drives of a robot file in front of another machine, which stands at home and
+/// has ideal drives.
+///
+/// # Errors
+/// As [`emulated_bus`].
+pub fn emulated_bus_of<K: MachineKind<N>, P, const N: usize, const M: usize>(
+    robot: &RobotFile<K, N>,
+    section: &Ethercat,
+    mut machine: P,
+) -> Result<EmulatedWire<EmulatedMachine<P, N, M>>, EthercatError>
+where
+    P: Plant<N, M, Error = PlantError> + Send,
+{
     let map = robot.motor_map::<M>().map_err(EthercatError::other)?;
     let parts = machine.in_force().map_err(EthercatError::other)?;
     let mut motors = Vec::new();

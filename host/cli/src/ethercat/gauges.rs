@@ -13,9 +13,9 @@ use gantry_tau_server::links::gauges::Lengths;
 use gantry_tau_server::realtime::{CycleTimer, raise_priority};
 
 use crate::terminal::say;
-pub(crate) use file::GaugesFile;
-pub(crate) use outputs::GaugeOutputs;
-pub(crate) use shown::shown_bus;
+pub use file::GaugesFile;
+pub use outputs::GaugeOutputs;
+pub use shown::{ShownGauges, shown_bus};
 
 /// Length of a cycle, and the longest wait for an answer, µs.
 const CYCLE_US: u32 = 1_000;
@@ -25,7 +25,7 @@ const CYCLES_PER_REPORT: u64 = 1_000;
 
 /// Error of `gauges`.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum GaugesCommandError {
+pub enum GaugesCommandError {
     /// The bus cannot be read.
     #[error("{what}: {error}")]
     Bus {
@@ -43,7 +43,7 @@ pub(crate) enum GaugesCommandError {
 ///
 /// # Errors
 /// [`GaugesCommandError`]: the bus cannot be brought up, or the recording has failed.
-pub(crate) fn run<W: Wire>(
+pub fn run<W: Wire>(
     wire: W,
     file: &GaugesFile,
     mut outputs: GaugeOutputs,
@@ -74,9 +74,7 @@ pub(crate) fn run<W: Wire>(
         let wire = gauges.wire_mut();
         wire.begin_cycles(elapsed.into(), CYCLE_US.into());
         gauges.cycle();
-        let of_gauges = gauges.counts().zip(&file.gauges);
-        let lengths_m =
-            of_gauges.map(|(count, gauge)| count.map_or(f64::NAN, |count| gauge.length_m(count)));
+        let lengths_m = file.lengths_m(gauges.counts());
         outputs.put(&Lengths::new(tick, lengths_m), gauges.counts());
         for (report, (count, gauge)) in reports.iter_mut().zip(gauges.counts().zip(&file.gauges)) {
             report.see(tick, &gauge.name, count.err());

@@ -20,7 +20,7 @@ use super::{Server, open, section};
 const HALF_A_COUNT: [f64; 2] = [0.5e-5 + 1e-9, 0.5e-6 + 1e-9];
 
 /// The emulated drives of a machine, and a force sensor behind them.
-fn with_sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
+pub(super) fn with_sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
     let drives = section(robot);
     Ethercat {
         force_sensor: Some(EthercatForceSensor {
@@ -35,7 +35,7 @@ fn with_sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
     }
 }
 
-fn compensates<K: MachineKind<N>, const N: usize, const M: usize>(
+pub(super) fn compensates<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: RobotFile<K, N>,
     clocks: Clocks,
 ) {

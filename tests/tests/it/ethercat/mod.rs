@@ -1,5 +1,6 @@
 //! The server with drives over an emulated EtherCAT bus, tick by tick.
 
+mod campaign;
 mod clocks;
 mod compensation;
 mod faults;

@@ -5,6 +5,7 @@ use gantry_tau_ethercat::BringUpError;
 use gantry_tau_ethercat::emulation::{Chain, Drive};
 use gantry_tau_machine::model::{L2, MachineKind};
 use gantry_tau_machine::robot_file::{AnyRobotFile, Ethercat, RobotFile, text_of};
+use gantry_tau_sim::machine::SimulatedMachine;
 
 use super::{bus, open, section};
 
@@ -159,7 +160,7 @@ fn wrong_counts_signs_and_zeros_are_found_by_the_position() {
 /// Opens a bus whose drives were handled before; returns the error.
 fn refused_bus<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
-    handle: impl Fn(&mut Chain<EmulatedMachine<N, M>>),
+    handle: impl Fn(&mut Chain<EmulatedMachine<SimulatedMachine<N, M>, N, M>>),
 ) -> EthercatError {
     let bus = bus::<K, N, M>(robot);
     handle(&mut bus.bench().chain);

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use gantry_tau_ethercat::DevicePlace;
 use gantry_tau_ethercat::gauges::GaugeConfig;
+use gantry_tau_ethercat::{DevicePlace, NoReading};
 use gantry_tau_identify::measurements::{FileError, setup};
 use serde::Deserialize;
 
@@ -12,7 +12,7 @@ const MAX_GAUGES: usize = 15;
 
 /// The gauges of a file, in its order.
 #[derive(Clone, Debug)]
-pub(crate) struct GaugesFile {
+pub struct GaugesFile {
     /// Path of the file, for errors.
     pub(super) path: String,
     pub(super) gauges: Vec<Gauge>,
@@ -30,7 +30,7 @@ pub(super) struct Gauge {
 
 impl Gauge {
     /// Length of a number of counts, m.
-    pub(super) fn length_m(&self, count: i64) -> f64 {
+    fn length_m(&self, count: i64) -> f64 {
         count as f64 * self.um_per_count * 1e-6
     }
 }
@@ -63,7 +63,7 @@ impl GaugesFile {
     ///
     /// # Errors
     /// [`FileError`], with the key that is wrong.
-    pub(crate) fn read(path: &Path) -> Result<Self, FileError> {
+    pub fn read(path: &Path) -> Result<Self, FileError> {
         Self::parse(path, &setup::text(path)?)
     }
 
@@ -90,8 +90,18 @@ impl GaugesFile {
         Ok(Self { path, gauges })
     }
 
+    /// Returns the lengths of these counts, m, in the order of the file; not a number for none.
+    pub fn lengths_m(
+        &self,
+        counts: impl Iterator<Item = Result<i64, NoReading>>,
+    ) -> impl Iterator<Item = f64> {
+        let of_gauges = counts.zip(&self.gauges);
+        of_gauges.map(|(count, gauge)| count.map_or(f64::NAN, |count| gauge.length_m(count)))
+    }
+
     /// Expectations of the terminals.
-    pub(super) fn configs(&self) -> Vec<GaugeConfig> {
+    #[must_use]
+    pub fn configs(&self) -> Vec<GaugeConfig> {
         let gauges = self.gauges.iter().map(|gauge| GaugeConfig {
             place: gauge.place,
             vendor: GaugeConfig::BECKHOFF,

@@ -26,7 +26,7 @@ const OF_SAMPLE: usize = 3;
 
 /// What is done with the lengths of each cycle.
 #[derive(Debug)]
-pub(crate) struct GaugeOutputs {
+pub struct GaugeOutputs {
     link: GaugePublisher,
     labcomm: Option<Publication>,
     table: Option<Table>,
@@ -37,7 +37,7 @@ impl GaugeOutputs {
     ///
     /// # Errors
     /// An address is taken, the file cannot be made, or it has fewer than three gauges for LabComm.
-    pub(crate) fn open(
+    pub fn open(
         file: &GaugesFile,
         publish: SocketAddr,
         labcomm: Option<SocketAddr>,

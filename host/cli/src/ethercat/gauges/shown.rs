@@ -15,7 +15,7 @@ const EL5151: u32 = 0x141F_3052;
 
 /// Gauges that are shown by a link.
 #[derive(Debug)]
-pub(crate) struct ShownGauges {
+pub struct ShownGauges {
     gauges: Vec<Gauge>,
     link: Option<GaugeReader>,
 }
@@ -65,7 +65,7 @@ fn terminals(
 ///
 /// # Errors
 /// Gauges at other positions than 1, 2 and so on; nothing listens at `show`.
-pub(crate) fn shown_bus(
+pub fn shown_bus(
     file: &GaugesFile,
     show: Option<&Addresses>,
 ) -> Result<EmulatedWire<ShownGauges>, String> {
