@@ -15,6 +15,7 @@
 )]
 
 mod clocks;
+mod instruments;
 mod ownership;
 mod scan;
 
@@ -56,7 +57,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         });
     let python = python_with("pysoem", "pysoem");
     let soem = network.or_else(|| python.is_none().then_some("pysoem of PyPI missing"));
-    let (of_scan, of_clocks) = (python.clone(), python.clone());
+    let [of_scan, of_clocks, of_instruments] = [(); 3].map(|()| python.clone());
     vec![
         trial(
             "ethercat::the_demo_compensates_over_a_veth_pair",
@@ -82,6 +83,11 @@ pub(crate) fn trials() -> Vec<Trial> {
             "ethercat::soem_sets_up_the_clocks_of_the_emulated_chain",
             soem,
             move || clocks::soem_agrees(of_clocks.as_deref().unwrap()),
+        ),
+        trial(
+            "ethercat::soem_and_the_gauges_read_the_same_counts",
+            soem,
+            move || instruments::soem_agrees(of_instruments.as_deref().unwrap()),
         ),
         trial(
             "ethercat::soem_and_the_scan_list_the_same_devices",
