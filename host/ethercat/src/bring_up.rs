@@ -245,7 +245,7 @@ async fn start_sensor(
         let step = "looking for the sensor";
         refused(InstrumentRefusal::Exchange { step, error })
     })?;
-    let instrument = ForceSensor::prepare(&instruments::Setup(&subdevice))
+    let instrument = ForceSensor::prepare(&instruments::MailboxSetup(&subdevice))
         .await
         .map_err(refused)?;
     let members = vec![instruments::Member::new(at, instrument)];

@@ -9,7 +9,7 @@ use ethercrab::{Command, MainDevice, RegisterAddress};
 use crate::discovery::{DevicePlace, DiscoveryError, Found, MAX_SUBDEVICES, Role, discover};
 use crate::instruments::encoder::Counter;
 pub use crate::instruments::encoder::CounterMap;
-use crate::instruments::{GroupError, Identity, Instruments, Member, Setup, find};
+use crate::instruments::{GroupError, Identity, Instruments, MailboxSetup, Member, find};
 pub use crate::instruments::{InstrumentRefusal, NoReading};
 use crate::main_device::main_device;
 use crate::pump::Pump;
@@ -196,7 +196,7 @@ async fn bring_up(
             let step = "looking for the terminal";
             refused(InstrumentRefusal::Exchange { step, error })
         })?;
-        let counter = Counter::prepare(&Setup(&subdevice))
+        let counter = Counter::prepare(&MailboxSetup(&subdevice))
             .await
             .map_err(refused)?;
         members.push(Member::new(at, counter));

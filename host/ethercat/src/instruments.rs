@@ -17,7 +17,7 @@ use crate::pump::Pump;
 use crate::wire::Wire;
 
 pub use refusal::{InstrumentRefusal, NoReading};
-pub(crate) use setup::Setup;
+pub(crate) use setup::MailboxSetup;
 
 /// Cycles from SAFE-OP to OP at most.
 const OPERATIONAL_CYCLES: u32 = 3_000;

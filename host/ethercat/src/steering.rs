@@ -70,6 +70,8 @@ pub struct Steering {
     target_ns: i64,
     start_ns: u64,
     window: [i64; WINDOW],
+    /// Place of the oldest phase.
+    oldest: usize,
     samples: usize,
     /// Sum of the medians.
     integral: i64,
@@ -92,6 +94,7 @@ impl Steering {
             target_ns: cycle_ns - i64::from(config.frame_to_sync0_ns) % cycle_ns,
             start_ns,
             window: [0; WINDOW],
+            oldest: 0,
             samples: 0,
             integral: 0,
             last_ns: 0,
@@ -245,20 +248,29 @@ impl Steering {
 
     /// Adds a phase; returns the median of the last ones.
     fn median_with(&mut self, phase: i64) -> i64 {
-        self.window.rotate_left(1);
-        if let Some(last) = self.window.last_mut() {
-            *last = phase;
+        if let Some(oldest) = self.window.get_mut(self.oldest) {
+            *oldest = phase;
         }
+        self.oldest = (self.oldest + 1) % WINDOW;
         self.samples = self.samples.saturating_add(1).min(WINDOW);
+        if self.samples == WINDOW {
+            return median_of_five(self.window);
+        }
         let mut sorted = self.window;
-        // The newest stand last; places before them were never written.
-        let unused = WINDOW - self.samples;
-        let Some(known) = sorted.get_mut(unused..) else {
+        let Some(known) = sorted.get_mut(..self.samples) else {
             return phase;
         };
         known.sort_unstable();
         known.get(known.len() / 2).copied().unwrap_or(phase)
     }
+}
+
+/// Returns the median, without a sort.
+fn median_of_five([a, b, c, d, e]: [i64; WINDOW]) -> i64 {
+    // Of the four, neither the least nor the largest is the median of all.
+    let low = a.min(b).max(c.min(d));
+    let high = a.max(b).min(c.max(d));
+    e.clamp(low.min(high), low.max(high))
 }
 
 #[cfg(test)]
@@ -274,6 +286,17 @@ mod tests {
     fn time_ns(cycle: u64, phase_ns: i64) -> Option<u64> {
         let place_ns = 1_000_000 * (cycle + 1) + 500_000;
         place_ns.checked_add_signed(phase_ns)
+    }
+
+    /// All orders of five numbers, some of which are the same.
+    #[test]
+    fn the_median_is_that_of_a_sort() {
+        for number in 0..5_i64.pow(5) {
+            let digits = [1, 5, 25, 125, 625].map(|place| number / place % 5);
+            let mut sorted = digits;
+            sorted.sort_unstable();
+            assert_eq!(median_of_five(digits), sorted[2], "{digits:?}");
+        }
     }
 
     /// A computer that is late in every cycle learns nothing, and is told so.

@@ -73,6 +73,20 @@ pub(crate) const CALLS: &[Call] = &[
     call("greet_garbage", Some(60), keyed::greet_garbage),
     #[cfg(target_os = "linux")]
     call("ethercat_exchange", Some(8_000), ethercat::exchange),
+    #[cfg(target_os = "linux")]
+    call(
+        "ethercat_exchange_clocks",
+        Some(8_000),
+        ethercat::exchange_with_clocks,
+    ),
+    #[cfg(target_os = "linux")]
+    call(
+        "ethercat_exchange_force",
+        None,
+        ethercat::exchange_with_force_sensor,
+    ),
+    #[cfg(target_os = "linux")]
+    call("ethercat_steering", Some(300), ethercat::steering),
     call("encode_command", None, encode_command),
     call("encode_state", None, encode_a_state),
     call("decode_command", None, decode_command),

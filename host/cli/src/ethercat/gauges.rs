@@ -65,7 +65,7 @@ pub fn run<W: Wire>(
     if let Err(denied) = raise_priority() {
         tracing::warn!("no {}: {}", denied.privilege, denied.reason);
     }
-    let mut reports = vec![Report::default(); file.gauges.len()];
+    let mut reports = vec![GaugeReport::default(); file.gauges.len()];
     let mut timer = CycleTimer::starting_now(u64::from(CYCLE_US) * 1_000);
     let mut tick = 0_u64;
     while !quit.load(Ordering::Relaxed) {
@@ -97,12 +97,12 @@ fn bus_error(file: &GaugesFile, error: GaugesError) -> GaugesCommandError {
 
 /// State of a gauge, as it was logged last: at most once in a second.
 #[derive(Clone, Debug, Default)]
-struct Report {
+struct GaugeReport {
     reason: Option<NoReading>,
     next_tick: u64,
 }
 
-impl Report {
+impl GaugeReport {
     fn see(&mut self, tick: u64, name: &str, reason: Option<NoReading>) {
         if self.reason == reason || tick < self.next_tick {
             return;

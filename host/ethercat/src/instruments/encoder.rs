@@ -3,7 +3,7 @@
 //! Maps of EL5101, EL5101-0010 and EL5151 `[infosys el5101 10715105803, 10718449291; el515x
 //! 1567650827]`: a status, the counter, a latch that is never used.
 
-use super::{Instrument, InstrumentRefusal, NoReading, Setup};
+use super::{Instrument, InstrumentRefusal, MailboxSetup, NoReading};
 
 /// Bits of a status of 16 bits: an open circuit, a synchronisation error, invalid inputs, and the
 /// one that changes with each new value.
@@ -112,7 +112,7 @@ impl Counter {
 
     /// Prepares a terminal in PRE-OP: chooses the widest counter that it has, and switches its wire
     /// checks on.
-    pub(crate) async fn prepare(terminal: &Setup<'_>) -> Result<Self, InstrumentRefusal> {
+    pub(crate) async fn prepare(terminal: &MailboxSetup<'_>) -> Result<Self, InstrumentRefusal> {
         for [outputs, inputs] in PDOS {
             if terminal.object::<u8>(inputs, 0).await?.is_some() {
                 terminal.assign(OUTPUTS, outputs).await?;

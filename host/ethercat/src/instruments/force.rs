@@ -1,7 +1,7 @@
 //! A force sensor with the objects of the ATI EtherCAT F/T. Its map is known from public programs,
 //! not from its handbook.
 
-use super::{Identity, Instrument, InstrumentRefusal, NoReading, Setup};
+use super::{Identity, Instrument, InstrumentRefusal, MailboxSetup, NoReading};
 use crate::discovery::DevicePlace;
 
 /// PDO assignments of outputs and inputs, and the PDOs of the sensor.
@@ -59,7 +59,7 @@ pub(crate) struct ForceSensor {
 
 impl ForceSensor {
     /// Prepares a sensor in PRE-OP: assigns its PDOs, and asks for its units.
-    pub(crate) async fn prepare(sensor: &Setup<'_>) -> Result<Self, InstrumentRefusal> {
+    pub(crate) async fn prepare(sensor: &MailboxSetup<'_>) -> Result<Self, InstrumentRefusal> {
         for (direction, pdo) in [OUTPUTS, INPUTS] {
             sensor.assign(direction, pdo).await?;
         }
@@ -126,7 +126,11 @@ impl ForceSensor {
 }
 
 /// Reads the code of a unit.
-async fn unit(sensor: &Setup<'_>, sub: u8, purpose: &'static str) -> Result<u8, InstrumentRefusal> {
+async fn unit(
+    sensor: &MailboxSetup<'_>,
+    sub: u8,
+    purpose: &'static str,
+) -> Result<u8, InstrumentRefusal> {
     let object = CALIBRATION;
     let lacks = InstrumentRefusal::Lacks {
         object,
@@ -137,7 +141,7 @@ async fn unit(sensor: &Setup<'_>, sub: u8, purpose: &'static str) -> Result<u8, 
 }
 
 /// Reads a number of counts per unit.
-async fn counts(sensor: &Setup<'_>, sub: u8) -> Result<i32, InstrumentRefusal> {
+async fn counts(sensor: &MailboxSetup<'_>, sub: u8) -> Result<i32, InstrumentRefusal> {
     let (object, purpose) = (CALIBRATION, "the counts per unit");
     match sensor.object::<i32>(object, sub).await? {
         Some(counts) if counts > 0 => Ok(counts),

@@ -6,9 +6,9 @@ use super::InstrumentRefusal;
 use crate::discovery;
 
 /// An instrument in PRE-OP, to be set up through its mailbox.
-pub(crate) struct Setup<'a>(pub(crate) &'a SubDeviceRef<'a, &'a SubDevice>);
+pub(crate) struct MailboxSetup<'a>(pub(crate) &'a SubDeviceRef<'a, &'a SubDevice>);
 
-impl Setup<'_> {
+impl MailboxSetup<'_> {
     /// Assigns one PDO, unless it is assigned alone.
     pub(super) async fn assign(&self, direction: u16, pdo: u16) -> Result<(), InstrumentRefusal> {
         let count = self.object::<u8>(direction, 0).await?;

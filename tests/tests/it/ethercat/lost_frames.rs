@@ -5,7 +5,7 @@ use gantry_tau_core::control::axis::Offsets;
 use gantry_tau_core::control::message::{Mode, Phase};
 use gantry_tau_ethercat::emulation::Faults;
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::RobotFile;
+use gantry_tau_machine::robot_file::{Clocks, Ethercat, RobotFile};
 use gantry_tau_server::server::cycle::OperatorInputs;
 
 use super::{Server, bus_of, section_of_whole_steps};
@@ -51,6 +51,7 @@ impl Steps {
 /// zero again.
 fn loses<K: MachineKind<N>, const N: usize, const M: usize>(
     robot: &RobotFile<K, N>,
+    clocks: Clocks,
     faults: Faults,
     grows: bool,
 ) {
@@ -61,7 +62,10 @@ fn loses<K: MachineKind<N>, const N: usize, const M: usize>(
         .map(|axis| robot.limits[*axis].limits.position.step().into())
         .collect();
     assert!(limits_nm.iter().all(|nm| nm % COUNT_NM == 0));
-    let section = section_of_whole_steps(robot);
+    let section = Ethercat {
+        clocks,
+        ..section_of_whole_steps(robot)
+    };
     let bus = bus_of::<K, N, M>(robot, &section);
     let mut server = Server::with(robot, &section, &bus, 0.0);
     let start = at_the_drives(&server);
@@ -74,7 +78,7 @@ fn loses<K: MachineKind<N>, const N: usize, const M: usize>(
     let mut steps = Steps {
         limits_nm,
         last: at_the_drives(&server),
-        case: format!("{faults:?}, grows {grows}"),
+        case: format!("{clocks:?}, {faults:?}, grows {grows}"),
     };
     for _ in 0..250 {
         server.answered(&mut client, Mode::Obtain, before);
@@ -195,8 +199,11 @@ fn a_frame_lost_while_an_offset_grows() {
             ..Faults::default()
         };
         for (faults, grows) in [(out, false), (out, true), (back, false), (back, true)] {
-            loses::<_, 3, 3>(&RobotFile::builtin_l2().unwrap(), faults, grows);
-            loses::<_, 6, 9>(&RobotFile::builtin_f1().unwrap(), faults, grows);
+            let l2 = RobotFile::builtin_l2().unwrap();
+            loses::<_, 3, 3>(&l2, Clocks::Free, faults, grows);
+            loses::<_, 3, 3>(&l2, Clocks::Sync0, faults, grows);
+            let f1 = RobotFile::builtin_f1().unwrap();
+            loses::<_, 6, 9>(&f1, Clocks::Free, faults, grows);
         }
     }
 }

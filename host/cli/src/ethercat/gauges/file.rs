@@ -37,14 +37,14 @@ impl Gauge {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Tables {
+struct GaugeTables {
     #[serde(default)]
-    gauge: Vec<Table>,
+    gauge: Vec<GaugeTable>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Table {
+struct GaugeTable {
     name: String,
     position: Option<u16>,
     alias: Option<u16>,
@@ -68,7 +68,7 @@ impl GaugesFile {
     }
 
     fn parse(path: &Path, text: &str) -> Result<Self, FileError> {
-        let tables: Tables = setup::parse(path, text)?;
+        let tables: GaugeTables = setup::parse(path, text)?;
         let mut gauges: Vec<Gauge> = Vec::new();
         for (index, table) in tables.gauge.iter().enumerate() {
             let refused = |key: &str, reason: String| {
@@ -111,7 +111,7 @@ impl GaugesFile {
     }
 }
 
-impl Table {
+impl GaugeTable {
     /// The gauge, or the key that is wrong and the reason.
     fn gauge(&self) -> Result<Gauge, (&'static str, String)> {
         let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';

@@ -29,7 +29,7 @@ const OF_SAMPLE: usize = 3;
 pub struct GaugeOutputs {
     link: GaugePublisher,
     labcomm: Option<Publication>,
-    table: Option<Table>,
+    table: Option<LengthTable>,
 }
 
 impl GaugeOutputs {
@@ -63,7 +63,9 @@ impl GaugeOutputs {
         Ok(Self {
             link: link.for_peers(allowed.clone()),
             labcomm: labcomm.transpose()?,
-            table: record.map(|path| Table::begin(path, file)).transpose()?,
+            table: record
+                .map(|path| LengthTable::begin(path, file))
+                .transpose()?,
         })
     }
 
@@ -109,20 +111,20 @@ impl GaugeOutputs {
     /// # Errors
     /// The reason for which it is not whole.
     pub(super) fn finish(self) -> Result<(), String> {
-        self.table.map_or(Ok(()), Table::finish)
+        self.table.map_or(Ok(()), LengthTable::finish)
     }
 }
 
 /// A table of all cycles, written by a thread of its own: a disk that waits delays no cycle.
 #[derive(Debug)]
-struct Table {
+struct LengthTable {
     path: PathBuf,
     rows: rtrb::Producer<Lengths>,
     lost: u64,
     thread: JoinHandle<std::io::Result<()>>,
 }
 
-impl Table {
+impl LengthTable {
     fn begin(path: &Path, file: &GaugesFile) -> Result<Self, Box<dyn std::error::Error>> {
         let mut target = GrowingFile::fresh(path, None)?.that_waits()?;
         let mut header = "tick".to_owned();
