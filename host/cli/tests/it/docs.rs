@@ -311,6 +311,11 @@ const ELSEWHERE: &[[&str; 3]] = &[
     ],
     [
         "docs/ethercat.md",
+        "gantry-tau serve --plan plan.toml --pace lockstep",
+        "needs a program with EtherCAT: `host/cli/tests/it/gauges.rs`, on ports that are free",
+    ],
+    [
+        "docs/ethercat.md",
         "gantry-tau bus scan emulated",
         "needs a program with EtherCAT: `host/cli/tests/it/golden.rs`, which records the output",
     ],

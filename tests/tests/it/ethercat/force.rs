@@ -8,7 +8,7 @@ use gantry_tau_client::{ClientControls, ClientError};
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{
-    Clocks, Ethercat, EthercatForceSensor, ForceSensorKind, RobotFile,
+    AnyRobotFile, Clocks, Ethercat, EthercatForceSensor, ForceSensorKind, RobotFile, text_of,
 };
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_sim::load_generator::{Load, load_generator};
@@ -141,4 +141,58 @@ fn an_unplugged_sensor_ends_the_session_and_no_drive() {
     let last = rows.last().unwrap();
     assert_eq!(last.ended, Some(Cause::Goodbye), "it leaves in good order");
     assert!(rows.iter().all(|row| !row.plant_failed), "the drives go on");
+}
+
+/// Each wrong key of the section, by its name; and a sensor that is not where the emulated bus has
+/// it.
+#[test]
+fn a_section_that_cannot_be_is_refused_by_its_key() {
+    let parse = |sensor: &str| {
+        let drives: String = (0..3)
+            .map(|position| {
+                format!(
+                    "[[ethercat.drives]]\nposition = {position}\nvendor = 1\nproduct = 1\n\
+                     counts_per_q = 104857600.0\nsign = 1\nzero_counts = 0\n"
+                )
+            })
+            .collect();
+        let text = format!(
+            "{}\n[ethercat]\ncycle_us = 1000\nwatchdog_cycles = 5\n{drives}\
+             [ethercat.force_sensor]\nvendor = 0x732\nproduct = 0x26483052\nkind = \"ati\"\n{sensor}\n",
+            text_of("l2").unwrap()
+        );
+        AnyRobotFile::parse("bus.toml", &text).map_err(|error| error.to_string())
+    };
+    assert!(parse("position = 3\ncalibration = 15").is_ok());
+    for (sensor, said) in [
+        ("", "force_sensor.alias: expected either alias or position"),
+        (
+            "position = 3\nalias = 7",
+            "force_sensor.alias: expected either",
+        ),
+        ("alias = 0", "force_sensor.alias: is 0"),
+        (
+            "position = 1",
+            "force_sensor.alias: names the drive of a motor",
+        ),
+        (
+            "position = 3\ncalibration = 16",
+            "force_sensor.calibration: is 16",
+        ),
+        ("position = 3\nbias = 1", "unknown field `bias`"),
+    ] {
+        let error = parse(sensor).unwrap_err();
+        assert!(error.contains(said), "{sensor}: {error}");
+    }
+    let robot = RobotFile::builtin_l2().unwrap();
+    let mut section = with_sensor(&robot);
+    if let Some(sensor) = &mut section.force_sensor {
+        sensor.position = Some(0);
+    }
+    let (_hand, tool) = load_generator();
+    let error = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap_err();
+    assert!(
+        error.to_string().contains("ethercat.force_sensor.position"),
+        "{error}"
+    );
 }
