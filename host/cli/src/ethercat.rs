@@ -8,6 +8,7 @@ pub mod gauges;
 mod initial_state;
 mod open;
 mod plant;
+mod told;
 
 pub use emulated::{EmulatedBus, EmulatedMachine, emulated_bus, emulated_bus_of};
 pub use fault_log::FaultLog;

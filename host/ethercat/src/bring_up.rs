@@ -14,7 +14,7 @@ use ethercrab::{
 use crate::cia402::{CSP, Input, Mapping, Offset, Target};
 use crate::clock;
 use crate::discovery::{
-    self, DevicePlace, Found, Group, Role, Unplaced, discover, first_refusal, locate,
+    self, BusError, DevicePlace, Found, Group, Role, Unplaced, discover, first_refusal, locate,
 };
 use crate::instruments::force::{ForceSensor, ForceSensorConfig};
 use crate::instruments::{self, InstrumentRefusal, Instruments};
@@ -78,7 +78,7 @@ impl Settings {
     }
 }
 
-/// What a bus has beside drives that run freely.
+/// Parts of a bus beside drives that run freely.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extras {
     /// Distributed clocks of the drives.
@@ -142,9 +142,7 @@ pub(crate) async fn bring_up<const M: usize>(
             Role::Other
         }
     };
-    let (groups, found) = discover(main, clock_ns, role)
-        .await
-        .map_err(BringUpError::from)?;
+    let (groups, found) = discover(main, clock_ns, role).await?;
     let mut members = places(&found, drives)?;
     for ((motor, drive), member) in drives.iter().enumerate().zip(&mut members) {
         let subdevice = groups
@@ -175,10 +173,7 @@ pub(crate) async fn bring_up<const M: usize>(
         Some(clocks) => Some(start_clocks(main, &found, &members, settings, clocks).await?),
     };
     let group = groups.drives.into_pre_op_pdi(main).await;
-    let group = group.map_err(|error| BringUpError::Bus {
-        step: "mapping process data",
-        error,
-    })?;
+    let group = group.map_err(BusError::of("mapping process data"))?;
     for member in &members {
         let target = standing(&member.initial);
         if let Ok(subdevice) = group.subdevice(main, member.index) {
@@ -193,10 +188,7 @@ pub(crate) async fn bring_up<const M: usize>(
             let stations = members.iter().map(|member| member.station);
             let refused = first_refusal(main, stations).await;
             return Err(refused.map_or(
-                BringUpError::Bus {
-                    step: "SAFE-OP",
-                    error,
-                },
+                BusError::of("SAFE-OP")(error).into(),
                 |(motor, state, code)| BringUpError::Refused {
                     motor: number(motor),
                     state,

@@ -88,15 +88,42 @@ pub(crate) struct Groups {
     others: Group<PreOp>,
 }
 
-/// Reason for which no SubDevices were found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum DiscoveryError {
-    /// Nothing answers.
+/// Error of a bus as a whole, on its way to SAFE-OP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum BusError {
+    /// No device answers.
+    #[error("no SubDevice answers; is it the right interface, and is the bus powered?")]
     Silent,
-    /// There are more than [`MAX_SUBDEVICES`].
+    /// There are more SubDevices than this program handles.
+    #[error("there are more than {MAX_SUBDEVICES} SubDevices on the bus")]
     TooMany,
-    /// The bus failed.
-    Bus(Error),
+    /// A step failed.
+    #[error("{step}: {error}")]
+    Step {
+        /// The step.
+        step: &'static str,
+        /// The error.
+        error: Error,
+    },
+    /// It took too long.
+    #[error("the bus answers, but the bring-up did not end within {seconds} s")]
+    Overdue {
+        /// Time given, s.
+        seconds: u32,
+    },
+    /// A message came that ethercrab does not take, as an emergency between a request and its
+    /// answer.
+    #[error(
+        "a device sent what cannot be handled during the bring-up, an emergency message perhaps; reset the devices and start again"
+    )]
+    Unhandled,
+}
+
+impl BusError {
+    /// Error of a step, for `map_err`.
+    pub(crate) const fn of(step: &'static str) -> impl Fn(Error) -> Self {
+        move |error| Self::Step { step, error }
+    }
 }
 
 /// Takes all SubDevices to PRE-OP, each into the group of its role. Returns all in the order of the
@@ -105,7 +132,7 @@ pub(crate) async fn discover(
     main: &'static MainDevice<'static>,
     clock_ns: impl Fn() -> u64 + Copy,
     role: impl Fn(&Found) -> Role,
-) -> Result<(Groups, Vec<Found>), DiscoveryError> {
+) -> Result<(Groups, Vec<Found>), BusError> {
     let mut found = Vec::new();
     let groups = main.init::<MAX_SUBDEVICES, _>(
         clock_ns,
@@ -122,12 +149,12 @@ pub(crate) async fn discover(
     );
     let groups = groups.await;
     let groups = groups.map_err(|error| match error {
-        Error::Timeout(_) if found.is_empty() => DiscoveryError::Silent,
-        Error::Capacity(_) => DiscoveryError::TooMany,
-        error => DiscoveryError::Bus(error),
+        Error::Timeout(_) if found.is_empty() => BusError::Silent,
+        Error::Capacity(_) => BusError::TooMany,
+        error => BusError::of("looking for SubDevices")(error),
     })?;
     if found.is_empty() {
-        return Err(DiscoveryError::Silent);
+        return Err(BusError::Silent);
     }
     Ok((groups, found))
 }

@@ -13,7 +13,7 @@ use crate::bring_up::{
     BringUpError, DriveConfig, Extras, Initial, Member, Ready, Settings, bring_up, number,
 };
 use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
-use crate::discovery::{self, ERROR, MAX_SUBDEVICES, al_status, code_of};
+use crate::discovery::{self, BusError, ERROR, MAX_SUBDEVICES, al_status, code_of};
 use crate::fault::Fault;
 use crate::instruments::force::ForceSensor;
 use crate::instruments::{Instruments, NoReading};
@@ -126,19 +126,19 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         // Longer than a cycle waits, so that none sends twice.
         let answer_us = settings.answer_us.saturating_add(200);
         let Some((mut pump, main)) = main_device(wire, answer_us) else {
-            return Err(BringUpError::Unhandled);
+            return Err(BusError::Unhandled.into());
         };
         let future = bring_up(main, drives, &settings, &extras);
         let limit_us = u64::from(BRING_UP_S) * 1_000_000;
         // ethercrab asserts that no emergency message stands between a request and its answer.
         let outcome = catch_unwind(AssertUnwindSafe(|| pump.run(future, limit_us)));
-        let outcome = outcome.map_err(|_| BringUpError::Unhandled)?;
+        let outcome = outcome.map_err(|_| BusError::Unhandled)?;
         let Ready {
             group,
             members,
             sync0_start_ns,
             mut force_sensor,
-        } = outcome.ok_or(BringUpError::Overdue {
+        } = outcome.ok_or(BusError::Overdue {
             seconds: BRING_UP_S,
         })??;
         let sent = members.map(|member| crate::bring_up::standing(&member.initial));

@@ -3,10 +3,9 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use ethercrab::error::Error;
 use ethercrab::{Command, MainDevice, RegisterAddress};
 
-use crate::discovery::{DevicePlace, DiscoveryError, Found, MAX_SUBDEVICES, Role, discover};
+use crate::discovery::{BusError, DevicePlace, Found, Role, discover};
 use crate::instruments::encoder::Counter;
 pub use crate::instruments::encoder::CounterMap;
 use crate::instruments::{GroupError, Identity, Instruments, MailboxSetup, Member, find};
@@ -47,29 +46,9 @@ impl GaugeConfig {
 /// Error of a bring-up of gauges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GaugesError {
-    /// No device answers.
-    #[error("no SubDevice answers; is it the right interface, and is the bus powered?")]
-    Silent,
-    /// There are more SubDevices than this program handles.
-    #[error("there are more than {MAX_SUBDEVICES} SubDevices on the bus")]
-    TooMany,
     /// The bus as a whole failed.
-    #[error("the bus failed in {step}: {error}")]
-    Bus {
-        /// The step.
-        step: &'static str,
-        /// The error.
-        error: Error,
-    },
-    /// It took too long.
-    #[error("the bus is not ready after {seconds} s")]
-    Overdue {
-        /// Time, s.
-        seconds: u32,
-    },
-    /// A message came that the bus library does not handle.
-    #[error("the bus sent a message that this program does not handle: an emergency, say")]
-    Unhandled,
+    #[error(transparent)]
+    Bus(#[from] BusError),
     /// A terminal cannot be used.
     #[error("{reason}")]
     Gauge {
@@ -80,24 +59,11 @@ pub enum GaugesError {
     },
 }
 
-impl From<DiscoveryError> for GaugesError {
-    fn from(error: DiscoveryError) -> Self {
-        match error {
-            DiscoveryError::Silent => Self::Silent,
-            DiscoveryError::TooMany => Self::TooMany,
-            DiscoveryError::Bus(error) => Self::Bus {
-                step: "looking for SubDevices",
-                error,
-            },
-        }
-    }
-}
-
 impl From<GroupError> for GaugesError {
     fn from(error: GroupError) -> Self {
         match error {
             GroupError::Member(gauge, reason) => Self::Gauge { gauge, reason },
-            GroupError::Bus(step, error) => Self::Bus { step, error },
+            GroupError::Bus(error) => Self::Bus(error),
         }
     }
 }
@@ -130,15 +96,15 @@ impl<W: Wire> Gauges<W> {
         // Longer than a cycle waits, so that none sends twice.
         let patience_us = answer_us.saturating_add(200);
         let Some((mut pump, main)) = main_device(wire, patience_us) else {
-            return Err(GaugesError::Unhandled);
+            return Err(BusError::Unhandled.into());
         };
         let limit_us = u64::from(BRING_UP_S) * 1_000_000;
         // ethercrab asserts that no emergency message stands between a request and its answer.
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             pump.run(bring_up(main, gauges), limit_us)
         }));
-        let outcome = outcome.map_err(|_| GaugesError::Unhandled)?;
-        let mut terminals = outcome.ok_or(GaugesError::Overdue {
+        let outcome = outcome.map_err(|_| BusError::Unhandled)?;
+        let mut terminals = outcome.ok_or(BusError::Overdue {
             seconds: BRING_UP_S,
         })??;
         let times_us = [cycle_us, answer_us].map(u64::from);

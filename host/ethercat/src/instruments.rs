@@ -10,8 +10,8 @@ use ethercrab::subdevice_group::{Op, PreOp};
 use ethercrab::{AlStatusCode, Command, MainDevice, RegisterAddress, TxRxResponse};
 
 use crate::discovery::{
-    DevicePlace, ERROR, Found, Group, MAX_SUBDEVICES, Unplaced, al_status, code_of, first_refusal,
-    locate,
+    BusError, DevicePlace, ERROR, Found, Group, MAX_SUBDEVICES, Unplaced, al_status, code_of,
+    first_refusal, locate,
 };
 use crate::pump::Pump;
 use crate::wire::Wire;
@@ -104,8 +104,8 @@ impl<I> Member<I> {
 pub(crate) enum GroupError {
     /// One of them refuses; its place among the members.
     Member(usize, InstrumentRefusal),
-    /// The bus failed in a step.
-    Bus(&'static str, ethercrab::error::Error),
+    /// The bus as a whole failed.
+    Bus(BusError),
 }
 
 /// Instruments of one kind, each in OP or led there.
@@ -125,7 +125,7 @@ impl<I: Instrument> Instruments<I> {
         members: Vec<Member<I>>,
         outputs: &[u8],
     ) -> Result<Self, GroupError> {
-        let bus = |step| move |error| GroupError::Bus(step, error);
+        let bus = |step| move |error| GroupError::Bus(BusError::of(step)(error));
         let group = group.into_pre_op_pdi(main).await;
         let group = group.map_err(bus("mapping the process data of instruments"))?;
         for member in &members {
@@ -142,7 +142,7 @@ impl<I: Instrument> Instruments<I> {
                 let stations = members.iter().map(|member| member.station);
                 let refused = first_refusal(main, stations).await;
                 return Err(refused.map_or(
-                    GroupError::Bus("SAFE-OP of instruments", error),
+                    bus("SAFE-OP of instruments")(error),
                     |(member, state, code)| {
                         let reason = InstrumentRefusal::NotOperational { state, code };
                         GroupError::Member(member, reason)
@@ -207,10 +207,7 @@ impl<I: Instrument> Instruments<I> {
             Some(Ok(answer)) => self.apply(main, &answer),
             _ => self.miss(NoReading::NoAnswer),
         }
-        let left_us = end_us.saturating_sub(pump.wire.now_us());
-        if left_us > 0 {
-            self.lead(pump, main, left_us);
-        }
+        self.lead(pump, main, end_us);
     }
 
     /// Takes note of a cycle without a reading of any.
@@ -251,12 +248,13 @@ impl<I: Instrument> Instruments<I> {
     }
 
     /// Leads one in SAFE-OP back to OP, one per cycle: one whose frames did not come for the time
-    /// of its watchdog. One that was restarted has no station address, and does not answer.
+    /// of its watchdog. One that was restarted has no station address, and does not answer. What has
+    /// no answer by `end_us` comes again in the next cycle.
     fn lead<W: Wire>(
         &mut self,
         pump: &mut Pump<W>,
         main: &'static MainDevice<'static>,
-        limit_us: u64,
+        end_us: u64,
     ) {
         let count = self.members.len().max(1);
         let mut next = (0..count).map(|step| (self.led + step) % count);
@@ -271,7 +269,8 @@ impl<I: Instrument> Instruments<I> {
             return;
         };
         self.led = at + 1;
-        let Some(Some((status, _))) = pump.run(al_status(main, station), limit_us) else {
+        let left_us = end_us.saturating_sub(pump.wire.now_us());
+        let Some(Some((status, _))) = pump.run(al_status(main, station), left_us) else {
             return;
         };
         let request = if status & ERROR != 0 {
@@ -280,7 +279,8 @@ impl<I: Instrument> Instruments<I> {
             OPERATIONAL.into()
         };
         let write = Command::fpwr(station, RegisterAddress::AlControl.into()).send(main, request);
-        let _sent = pump.run(write, limit_us);
+        let left_us = end_us.saturating_sub(pump.wire.now_us());
+        let _sent = pump.run(write, left_us);
     }
 
     /// Returns the instruments.

@@ -34,7 +34,7 @@ mod wire;
 
 pub use bring_up::{BringUpError, ClockSettings, DriveConfig, Extras, Initial, Settings};
 pub use cia402::{Input, Offset, PowerState, Target};
-pub use discovery::DevicePlace;
+pub use discovery::{BusError, DevicePlace};
 pub use drives::{Condition, Drives};
 pub use fault::Fault;
 pub use instruments::force::ForceSensorConfig;

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`vectors`] | machines and cases of `tests/data/tau_vectors.json`, computed by an independent implementation |
 //! | [`black_boxes`] | black boxes of seeded sessions |
+//! | [`campaigns`] | the plan of a campaign of forces and gauges |
 //! | [`logged`] | the log of a test |
 //! | [`seeds`] | numbers of seeds: a sample, or all |
 //!
@@ -26,6 +27,7 @@
 )]
 
 pub mod black_boxes;
+pub mod campaigns;
 #[cfg(feature = "sessions")]
 pub mod labcomm_port;
 pub mod logged;

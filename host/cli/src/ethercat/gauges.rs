@@ -12,20 +12,19 @@ use gantry_tau_ethercat::gauges::{CounterMap, Gauges, GaugesError, NoReading};
 use gantry_tau_server::links::gauges::Lengths;
 use gantry_tau_server::realtime::{CycleTimer, raise_priority};
 
+use super::told::Told;
 use crate::terminal::say;
 pub use file::GaugesFile;
-pub use outputs::GaugeOutputs;
+pub(crate) use outputs::GaugeOutputs;
 pub use shown::{ShownGauges, shown_bus};
 
 /// Length of a cycle, and the longest wait for an answer, µs.
 const CYCLE_US: u32 = 1_000;
 const ANSWER_US: u32 = 400;
-/// Cycles between two reports of one gauge.
-const CYCLES_PER_REPORT: u64 = 1_000;
 
 /// Error of `gauges`.
 #[derive(Debug, thiserror::Error)]
-pub enum GaugesCommandError {
+pub(crate) enum GaugesCommandError {
     /// The bus cannot be read.
     #[error("{what}: {error}")]
     Bus {
@@ -43,7 +42,7 @@ pub enum GaugesCommandError {
 ///
 /// # Errors
 /// [`GaugesCommandError`]: the bus cannot be brought up, or the recording has failed.
-pub fn run<W: Wire>(
+pub(crate) fn run<W: Wire>(
     wire: W,
     file: &GaugesFile,
     mut outputs: GaugeOutputs,
@@ -62,10 +61,10 @@ pub fn run<W: Wire>(
         }
     }
     say(format_args!("{}; Ctrl-C ends", outputs.description(file)));
-    if let Err(denied) = raise_priority() {
-        tracing::warn!("no {}: {}", denied.privilege, denied.reason);
-    }
-    let mut reports = vec![GaugeReport::default(); file.gauges.len()];
+    // The socket of the bus is open: nothing else needs a privilege.
+    set_up_thread();
+    let mut told: Vec<Told<Option<NoReading>>> = Vec::new();
+    told.resize_with(file.gauges.len(), Told::default);
     let mut timer = CycleTimer::starting_now(u64::from(CYCLE_US) * 1_000);
     let mut tick = 0_u64;
     while !quit.load(Ordering::Relaxed) {
@@ -76,11 +75,25 @@ pub fn run<W: Wire>(
         gauges.cycle();
         let lengths_m = file.lengths_m(gauges.counts());
         outputs.put(&Lengths::new(tick, lengths_m), gauges.counts());
-        for (report, (count, gauge)) in reports.iter_mut().zip(gauges.counts().zip(&file.gauges)) {
-            report.see(tick, &gauge.name, count.err());
+        for (told, (count, gauge)) in told.iter_mut().zip(gauges.counts().zip(&file.gauges)) {
+            match told.news(Some(count.err())) {
+                Some(Some(reason)) => tracing::warn!("{}: no count: {reason}", gauge.name),
+                Some(None) => tracing::info!("{}: counts", gauge.name),
+                None => {}
+            }
         }
     }
     outputs.finish().map_err(GaugesCommandError::Recording)
+}
+
+/// Sets up the thread of the cycles: real-time priority, then no privileges.
+fn set_up_thread() {
+    if let Err(denied) = raise_priority() {
+        tracing::warn!("no {}: {}", denied.privilege, denied.reason);
+    }
+    if let Err(error) = gantry_tau_system::privileges::give_up(&[]) {
+        tracing::warn!("the privileges cannot be given up: {error}");
+    }
 }
 
 fn bus_error(file: &GaugesFile, error: GaugesError) -> GaugesCommandError {
@@ -93,24 +106,4 @@ fn bus_error(file: &GaugesFile, error: GaugesError) -> GaugesCommandError {
         |name| format!("{}: {name}", file.path),
     );
     GaugesCommandError::Bus { what, error }
-}
-
-/// State of a gauge, as it was logged last: at most once in a second.
-#[derive(Clone, Debug, Default)]
-struct GaugeReport {
-    reason: Option<NoReading>,
-    next_tick: u64,
-}
-
-impl GaugeReport {
-    fn see(&mut self, tick: u64, name: &str, reason: Option<NoReading>) {
-        if self.reason == reason || tick < self.next_tick {
-            return;
-        }
-        (self.reason, self.next_tick) = (reason, tick.saturating_add(CYCLES_PER_REPORT));
-        match reason {
-            Some(reason) => tracing::warn!("{name}: no count: {reason}"),
-            None => tracing::info!("{name}: counts again"),
-        }
-    }
 }

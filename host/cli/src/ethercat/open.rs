@@ -106,11 +106,7 @@ fn key(error: &BringUpError) -> String {
         | BringUpError::Refused { motor, .. }
         | BringUpError::Exchange { motor, .. } => format!("ethercat.drives[{motor}]"),
         BringUpError::ForceSensor { .. } => "ethercat.force_sensor".to_owned(),
-        BringUpError::Silent
-        | BringUpError::TooMany
-        | BringUpError::Bus { .. }
-        | BringUpError::Overdue { .. }
-        | BringUpError::Unhandled => "ethercat".to_owned(),
+        BringUpError::Bus(_) => "ethercat".to_owned(),
     }
 }
 

@@ -247,3 +247,16 @@ fn known<const L: usize>(numbers: [f64; L]) -> Option<[f64; L]> {
         .all(|number| number.is_finite())
         .then_some(numbers)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_a_number_is_not_known() {
+        assert_eq!(known([0.0, -1.5]), Some([0.0, -1.5]));
+        for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(known([0.0, number]), None);
+        }
+    }
+}

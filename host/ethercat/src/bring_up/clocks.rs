@@ -6,6 +6,7 @@ use ethercrab::{Command, EtherCrabWireReadWrite, MainDevice, RegisterAddress as 
 
 use super::{BringUpError, number};
 use crate::clock;
+use crate::discovery::BusError;
 
 /// Bits of 0008h: a distributed clock, of 64 bits; ETG1000.4.
 const HAS_CLOCK: u16 = 0x0C;
@@ -98,7 +99,7 @@ impl Clocks<'_> {
         Command::fprd(station, register.into())
             .receive(self.main)
             .await
-            .map_err(failed("reading a distributed clock"))
+            .map_err(|error| BusError::of("reading a distributed clock")(error).into())
     }
 
     /// Gives the reference's time to all others.
@@ -108,7 +109,7 @@ impl Clocks<'_> {
             .receive(self.main)
             .await;
         time.map(drop)
-            .map_err(failed("distributing the reference's time"))
+            .map_err(|error| BusError::of("distributing the reference's time")(error).into())
     }
 
     /// Sends the reference's time until all drives follow it.
@@ -236,8 +237,4 @@ impl Registers {
             })
         }
     }
-}
-
-fn failed(step: &'static str) -> impl FnOnce(Error) -> BringUpError {
-    move |error| BringUpError::Bus { step, error }
 }

@@ -3,7 +3,7 @@
 use ethercrab::AlStatusCode;
 use ethercrab::error::Error;
 
-use crate::discovery::{DevicePlace, DiscoveryError, MAX_SUBDEVICES};
+use crate::discovery::{BusError, DevicePlace};
 use crate::instruments::{GroupError, InstrumentRefusal};
 
 /// Error of a bring-up. Motors are counted from 0.
@@ -17,12 +17,9 @@ pub enum BringUpError {
         /// Cycles asked for.
         cycles: u32,
     },
-    /// No device answers.
-    #[error("no SubDevice answers; is it the right interface, and is the bus powered?")]
-    Silent,
-    /// There are more SubDevices than this program handles.
-    #[error("there are more than {MAX_SUBDEVICES} SubDevices on the bus")]
-    TooMany,
+    /// The bus as a whole failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
     /// The force sensor cannot be used.
     #[error("the force sensor: {reason}")]
     ForceSensor {
@@ -204,46 +201,13 @@ pub enum BringUpError {
         /// Error of the exchange.
         error: Error,
     },
-    /// An exchange with the whole bus failed.
-    #[error("{step}: {error}")]
-    Bus {
-        /// The step.
-        step: &'static str,
-        /// Error of the exchange.
-        error: Error,
-    },
-    /// The bring-up did not end.
-    #[error("the bus answers, but the bring-up did not end within {seconds} s")]
-    Overdue {
-        /// Time given, s.
-        seconds: u32,
-    },
-    /// A message came that ethercrab does not take, as an emergency between a request and its
-    /// answer.
-    #[error(
-        "a drive sent what cannot be handled during the bring-up, an emergency message perhaps; reset the drives and start again"
-    )]
-    Unhandled,
 }
 
 impl From<GroupError> for BringUpError {
     fn from(error: GroupError) -> Self {
         match error {
             GroupError::Member(_, reason) => Self::ForceSensor { reason },
-            GroupError::Bus(step, error) => Self::Bus { step, error },
-        }
-    }
-}
-
-impl From<DiscoveryError> for BringUpError {
-    fn from(error: DiscoveryError) -> Self {
-        match error {
-            DiscoveryError::Silent => Self::Silent,
-            DiscoveryError::TooMany => Self::TooMany,
-            DiscoveryError::Bus(error) => Self::Bus {
-                step: "looking for SubDevices",
-                error,
-            },
+            GroupError::Bus(error) => Self::Bus(error),
         }
     }
 }

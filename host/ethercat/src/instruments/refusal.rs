@@ -44,7 +44,7 @@ pub enum InstrumentRefusal {
     Map {
         /// Bits of the inputs.
         bits: u32,
-        /// What is expected.
+        /// Values that are expected.
         expected: &'static str,
     },
     /// It lacks an object.
@@ -68,7 +68,7 @@ pub enum InstrumentRefusal {
         purpose: &'static str,
         /// Its value.
         value: i32,
-        /// What is expected.
+        /// Values that are expected.
         expected: &'static str,
     },
     /// An exchange failed.

@@ -7,7 +7,7 @@ use gantry_tau_ethercat::emulation::{
 use gantry_tau_ethercat::gauges::{
     CounterMap, GaugeConfig, Gauges, GaugesError, InstrumentRefusal, NoReading,
 };
-use gantry_tau_ethercat::{DevicePlace, Wire as _};
+use gantry_tau_ethercat::{BusError, DevicePlace, Wire as _};
 
 use crate::bench::{CYCLE_US, Wire};
 
@@ -202,7 +202,7 @@ fn a_terminal_that_left_op_is_led_back_and_keeps_its_count() {
     assert_eq!(counts, [Ok(0), Ok(0), Ok(40), Ok(0)]);
 }
 
-/// What it counts from is not known after a loss of power, though it comes back.
+/// A count after a loss of power is another one, though the terminal comes back.
 #[test]
 fn a_terminal_that_was_restarted_stays_without_and_the_others_go_on() {
     let mut bench = Bench::new();
@@ -288,7 +288,7 @@ fn a_terminal_that_refuses_op_is_named_with_its_code() {
     }
     let silent = EmulatedWire::new(Chain::of(Vec::new(), Kinematic));
     let outcome = Gauges::bring_up(silent, &configs(), CYCLE_US as u32, ANSWER_US).map(drop);
-    assert_eq!(outcome, Err(GaugesError::Silent));
+    assert_eq!(outcome, Err(BusError::Silent.into()));
 }
 
 /// Nothing latches, sets or resets a counter, and no other device is written to.

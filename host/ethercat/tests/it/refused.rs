@@ -1,6 +1,6 @@
 //! Configurations that are refused, each with motor and reason.
 
-use gantry_tau_ethercat::{BringUpError, DevicePlace, Drives, Settings};
+use gantry_tau_ethercat::{BringUpError, BusError, DevicePlace, Drives, Settings};
 
 use crate::bench::{SETTINGS, VENDOR, configs, setups, wire};
 
@@ -178,12 +178,12 @@ fn an_empty_bus_and_too_many_devices() {
     empty.bench().chain.cut_behind(0);
     assert_eq!(
         Drives::bring_up(empty, &configs::<3>(), SETTINGS).unwrap_err(),
-        BringUpError::Silent
+        BusError::Silent.into()
     );
     let many = wire(&setups(17));
     assert_eq!(
         Drives::bring_up(many, &configs::<3>(), SETTINGS).unwrap_err(),
-        BringUpError::TooMany
+        BusError::TooMany.into()
     );
     // Sixteen are not too many, be they drives of the file or others, which stay where they are.
     let most = wire(&setups(16));

@@ -64,26 +64,33 @@ pub(super) fn write_data(
     mut names: impl Iterator<Item = (u32, SampleName)>,
     data: Data,
 ) -> Result<(), ErrorKind> {
-    let Some((index, _)) = names.find(|(_, name)| *name == SampleName::Data) else {
-        return Ok(());
-    };
-    encoder.data(index, &data)
+    match names.find(|(_, name)| *name == SampleName::Data) {
+        Some((index, _)) => encoder.data(index, &data),
+        None => Ok(()),
+    }
 }
 
 /// Writes gauges and force sensor, as far as a port carries them.
 pub(super) fn write_sensors(
     encoder: &mut Encoder<'_>,
-    names: impl Iterator<Item = (u32, SampleName)>,
+    mut names: impl Iterator<Item = (u32, SampleName)>,
     sensors: Sensors<'_>,
 ) -> Result<(), ErrorKind> {
-    for (index, name) in names {
-        match name {
-            SampleName::Data => encoder.data(index, &data(sensors))?,
-            SampleName::ForceSensor => encoder.data(index, &force_sensor(sensors.tool))?,
-            _ => {}
-        }
+    names.try_for_each(|(index, name)| write_sensor(encoder, index, name, sensors))
+}
+
+/// Writes one of them. Counts have no place for gauges that a machine has not got.
+fn write_sensor(
+    encoder: &mut Encoder<'_>,
+    index: u32,
+    name: SampleName,
+    sensors: Sensors<'_>,
+) -> Result<(), ErrorKind> {
+    match name {
+        SampleName::Data => data(sensors).map_or(Ok(()), |data| encoder.data(index, &data)),
+        SampleName::ForceSensor => encoder.data(index, &force_sensor(sensors.tool)),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// Samples of one tick of a machine with `N` axes.
@@ -164,9 +171,8 @@ pub(super) fn write_tick<const N: usize>(
             (SampleName::SessionEvent, _) => {
                 write_events(encoder, std::iter::once((index, name)), events)?
             }
-            (SampleName::Data, Some(sensors)) => encoder.data(index, &data(sensors))?,
-            (SampleName::ForceSensor, Some(sensors)) => {
-                encoder.data(index, &force_sensor(sensors.tool))?
+            (SampleName::Data | SampleName::ForceSensor, Some(sensors)) => {
+                write_sensor(encoder, index, name, sensors)?
             }
             (SampleName::Data | SampleName::ForceSensor, None) | (SampleName::Machine, _) => {}
         }
@@ -188,7 +194,7 @@ pub(super) fn write_events<'a>(
         .try_for_each(|event| encoder.data(index, &session_event(event)))
 }
 
-/// `as` would turn NaN into 0 and keep the limits as well, silently.
+/// Counts of the gauges; `None` of a machine without: `as` would turn what is not a number into 0.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
@@ -199,11 +205,12 @@ fn data(
         tool,
         gauge_resolution_m,
     }: Sensors<'_>,
-) -> Data {
-    Data(
-        tool.gauges_m
-            .map(|length_m| (length_m / gauge_resolution_m).round() as i32),
-    )
+) -> Option<Data> {
+    let counts = tool
+        .gauges_m
+        .map(|length_m| (length_m / gauge_resolution_m).round());
+    let is_known = counts.iter().all(|count| !count.is_nan());
+    is_known.then(|| Data(counts.map(|count| count as i32)))
 }
 
 #[expect(

@@ -111,3 +111,31 @@ impl Ticks {
         self.buffer.get(..length).unwrap_or_default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::ToolReading;
+
+    /// A machine with a force sensor alone shows no gauges at zero.
+    #[test]
+    fn gauges_that_are_not_there_are_no_sample() {
+        let lengths = |gauges_m: [f64; 3]| {
+            let names = [SampleName::Data, SampleName::ForceSensor];
+            let mut ticks = Ticks::of::<3>(Version::V2006, &names).unwrap();
+            let tool = ToolReading {
+                gauges_m,
+                ..ToolReading::UNKNOWN
+            };
+            let sensors = Sensors {
+                tool: &tool,
+                gauge_resolution_m: 1e-6,
+            };
+            ticks.encode_sensors(sensors).len()
+        };
+        let [with, without, in_part] = [[0.0; 3], [f64::NAN; 3], [0.0, f64::NAN, 0.0]].map(lengths);
+        // Index, length and three counts.
+        assert!(with > without && without > 0, "{with}, {without}");
+        assert_eq!(in_part, without);
+    }
+}

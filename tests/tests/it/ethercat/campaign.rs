@@ -29,61 +29,18 @@ use gantry_tau_server::server::Server;
 use gantry_tau_server::server::tick_source::TickSource;
 use gantry_tau_sim::springs::TrueSprings;
 use gantry_tau_system::dial::Addresses;
+use gantry_tau_test_support::campaigns::{GAUGES, campaign_a};
 use gantry_tau_tests::client_session;
 use gantry_tau_tests::server_fixture::LOOPBACK;
 
 use super::force::with_sensor;
 
-/// Gauges of the plan: six on the platform, 3-2-1, and one on each cart.
-const GAUGES: [&str; 9] = [
-    "pz1", "pz2", "pz3", "py1", "py2", "px1", "axis1", "axis2", "axis3",
-];
-
-/// A plan of six straps at home.
+/// Two of the hooks of campaign A.
 fn plan_text() -> String {
-    let mut text =
-        "format = \"gantry-tau springs 1\"\nmodel = \"l2\"\nmeasurements = \"springs.csv\"\n\
-                    [noise]\ngauge_um = 0.5\nforce_n = 0.5\nmoment_nm = 0.05\n\
-                    [[pose]]\nname = \"home\"\nT = [0.0, 0.5, 0.65]\n"
-            .to_owned();
-    let platform = [
-        ([0.12, -0.06, 0.10], [0.0, 0.0, 1.0]),
-        ([-0.12, -0.06, 0.10], [0.0, 0.0, 1.0]),
-        ([0.0, 0.10, 0.10], [0.0, 0.0, 1.0]),
-        ([0.10, 0.12, 0.05], [0.0, 1.0, 0.0]),
-        ([-0.10, 0.12, 0.05], [0.0, 1.0, 0.0]),
-        ([0.14, 0.0, 0.05], [1.0, 0.0, 0.0]),
-    ];
-    for (name, (point, axis)) in GAUGES.iter().zip(platform) {
-        write!(
-            text,
-            "[[gauge]]\nname = {name:?}\non = \"platform\"\npoint_m = {point:?}\naxis = {axis:?}\n"
-        )
-        .unwrap();
-    }
-    for axis in 1..=3 {
-        write!(
-            text,
-            "[[gauge]]\nname = \"axis{axis}\"\non = \"axis\"\naxis_number = {axis}\n"
-        )
-        .unwrap();
-    }
-    for (hook, place) in (1..).zip([[0.0, 0.0, -0.08], [0.15, 0.15, -0.08]]) {
-        for (name, direction) in [
-            ("x", [1.0, 0.0, 0.0]),
-            ("y", [0.0, 1.0, 0.0]),
-            ("z", [0.0, 0.0, 1.0]),
-        ] {
-            write!(
-                text,
-                "[[series]]\nname = \"{name}{hook}\"\npose = \"home\"\nmounting = \"hook {hook}, {name}\"\n\
-                 hook_m = {place:?}\ndirection = {direction:?}\nlevels_n = [0.0, 150.0, 300.0]\n\
-                 gauges = {GAUGES:?}\n"
-            )
-            .unwrap();
-        }
-    }
-    text
+    let noise = "gauge_um = 0.5\nforce_n = 0.5\nmoment_nm = 0.05\n";
+    let whole = campaign_a(noise, &[0, 150, 300]);
+    let parts: Vec<&str> = whole.split("[[series]]").take(7).collect();
+    parts.join("[[series]]")
 }
 
 /// Terminals for the gauges of the plan, 0.5 µm to a count, one of them the other way round.

@@ -11,6 +11,7 @@ use gantry_tau_machine::robot_file::{
     AnyRobotFile, Clocks, Ethercat, EthercatForceSensor, ForceSensorKind, RobotFile, text_of,
 };
 use gantry_tau_server::plant::interpolator::Motion;
+use gantry_tau_server::record::TickRecord;
 use gantry_tau_sim::load_generator::{Load, load_generator};
 use gantry_tau_tests::{client_session, short_demo};
 
@@ -18,6 +19,13 @@ use super::{Server, open, section};
 
 /// Largest errors of the emulated sensor: half a count, N and N m, and rounding.
 const HALF_A_COUNT: [f64; 2] = [0.5e-5 + 1e-9, 0.5e-6 + 1e-9];
+
+/// A load whose compensation is some ten micrometres.
+const PULL: Load = Load {
+    step: 0,
+    force_n: [100.0, 0.0, 0.0],
+    moment_nm: [0.0; 3],
+};
 
 /// The emulated drives of a machine, and a force sensor behind them.
 pub(super) fn with_sensor<K, const N: usize>(robot: &RobotFile<K, N>) -> Ethercat {
@@ -113,13 +121,15 @@ fn a_sample_is_of_the_last_exchange() {
     assert!(read > 300 && without >= 50, "{read}, {without}");
 }
 
-/// The silence rule of the client ends the session; the drives run, and the offsets ramp to zero.
+/// The silence rule of the client ends the session, with offsets in force; the drives run, and no
+/// reference steps.
 #[test]
 fn an_unplugged_sensor_ends_the_session_and_no_drive() {
     let mut robot = RobotFile::builtin_l2().unwrap();
     robot.sensor.tare_samples = 50;
+    let step_nm = i64::from(robot.limits[0].limits.position.step());
     let section = with_sensor(&robot);
-    let (_hand, tool) = load_generator();
+    let (mut hand, tool) = load_generator();
     let bus = emulated_bus::<_, 3, 3>(&robot, &section, tool).unwrap();
     let plant = open::<_, 3, 3>(&robot, &section, &bus, 0.0).unwrap();
     let cycle = client_session::cycle::<_, 3, 3, _>(&robot, plant);
@@ -128,8 +138,10 @@ fn an_unplugged_sensor_ends_the_session_and_no_drive() {
     let mut obtained = 0_u32;
     let (result, rows) = client_session::play(robot, cycle, None, &controls, |row| {
         obtained += u32::from(row.state.phase == Phase::Obtain);
-        if obtained == 500 {
-            handle.bench().chain.bypass(Some(3));
+        match obtained {
+            10 => hand.set(&PULL).unwrap(),
+            1_500 => handle.bench().chain.bypass(Some(3)),
+            _ => {}
         }
     });
     match result {
@@ -141,6 +153,25 @@ fn an_unplugged_sensor_ends_the_session_and_no_drive() {
     let last = rows.last().unwrap();
     assert_eq!(last.ended, Some(Cause::Goodbye), "it leaves in good order");
     assert!(rows.iter().all(|row| !row.plant_failed), "the drives go on");
+    let largest_nm = |row: &TickRecord<3>| {
+        let offsets = row
+            .state
+            .axes
+            .iter()
+            .map(|axis| axis.offsets.position.0.abs());
+        offsets.max().unwrap()
+    };
+    assert!(largest_nm(last) > 20_000, "{}", largest_nm(last));
+    for pair in rows.windows(2) {
+        for (now, before) in pair[1].references.iter().zip(&pair[0].references) {
+            let way_nm = now.position.0 - before.position.0;
+            assert!(
+                way_nm.abs() <= step_nm,
+                "{:?}: {way_nm}",
+                pair[1].state.tick
+            );
+        }
+    }
 }
 
 /// Each wrong key of the section, by its name; and a sensor that is not where the emulated bus has

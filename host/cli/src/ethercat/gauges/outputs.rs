@@ -1,9 +1,11 @@
 //! Readers of gauges: the link of `experiment`, LabComm, and a table.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -13,6 +15,7 @@ use gantry_tau_server::links::Allowed;
 use gantry_tau_server::links::gauges::{GaugePublisher, Lengths};
 use gantry_tau_server::publication::{Publication, SampleName};
 use gantry_tau_server::server::ServerError;
+use gantry_tau_system::last_wait;
 use gantry_tau_system::output::GrowingFile;
 
 use super::GaugesFile;
@@ -24,9 +27,9 @@ const REST: Duration = Duration::from_millis(5);
 /// Gauges of the LabComm sample.
 const OF_SAMPLE: usize = 3;
 
-/// What is done with the lengths of each cycle.
+/// Readers and files that get the lengths of each cycle.
 #[derive(Debug)]
-pub struct GaugeOutputs {
+pub(crate) struct GaugeOutputs {
     link: GaugePublisher,
     labcomm: Option<Publication>,
     table: Option<LengthTable>,
@@ -37,7 +40,7 @@ impl GaugeOutputs {
     ///
     /// # Errors
     /// An address is taken, the file cannot be made, or it has fewer than three gauges for LabComm.
-    pub fn open(
+    pub(crate) fn open(
         file: &GaugesFile,
         publish: SocketAddr,
         labcomm: Option<SocketAddr>,
@@ -115,32 +118,39 @@ impl GaugeOutputs {
     }
 }
 
-/// A table of all cycles, written by a thread of its own: a disk that waits delays no cycle.
+/// A table of all cycles, written by a thread of its own: a disk that waits delays no cycle. The file
+/// is made with its first row.
 #[derive(Debug)]
 struct LengthTable {
     path: PathBuf,
     rows: rtrb::Producer<Lengths>,
     lost: u64,
-    thread: JoinHandle<std::io::Result<()>>,
+    written: Arc<AtomicU64>,
+    thread: JoinHandle<io::Result<()>>,
 }
 
 impl LengthTable {
     fn begin(path: &Path, file: &GaugesFile) -> Result<Self, Box<dyn std::error::Error>> {
-        let mut target = GrowingFile::fresh(path, None)?.that_waits()?;
-        let mut header = "tick".to_owned();
-        for gauge in &file.gauges {
-            let _infallible = write!(header, ",{}_um", gauge.name);
-        }
-        target.write_all(format!("{header}\n").as_bytes())?;
+        let target = GrowingFile::fresh(path, None)?.that_waits()?;
+        let names = file
+            .gauges
+            .iter()
+            .map(|gauge| format!(",{}_um", gauge.name));
+        let header = format!("tick{}\n", names.collect::<String>());
         let (rows, waiting) = rtrb::RingBuffer::new(ROWS);
-        let path = target.path().to_owned();
+        let (path, written) = (path.to_owned(), Arc::new(AtomicU64::new(0)));
+        let (of_thread, here) = (Arc::clone(&written), path.clone());
         let thread = std::thread::Builder::new()
             .name("gauges table".to_owned())
-            .spawn(move || write_rows(target, waiting))?;
+            .spawn(move || {
+                let _ = gantry_tau_system::privileges::give_up(&[here]);
+                write_rows(target, &header, waiting, &of_thread)
+            })?;
         Ok(Self {
             path,
             rows,
             lost: 0,
+            written,
             thread,
         })
     }
@@ -148,43 +158,50 @@ impl LengthTable {
     fn put(&mut self, lengths: Lengths) {
         if self.rows.push(lengths).is_err() {
             if self.lost == 0 {
-                tracing::warn!(
-                    "{}: its disk does not take rows in time",
-                    self.path.display()
-                );
+                tracing::warn!("{}: rows are lost", self.path.display());
             }
             self.lost += 1;
         }
     }
 
+    /// Waits for the last rows, but not for a disk that hangs.
     fn finish(self) -> Result<(), String> {
         let path = self.path.display();
         drop(self.rows);
-        match self.thread.join() {
-            Ok(Ok(())) if self.lost == 0 => Ok(()),
-            Ok(Ok(())) => Err(format!("{path}: {} rows were lost", self.lost)),
-            Ok(Err(error)) => Err(format!("{path}: {error}")),
-            Err(_) => Err(format!("{path}: its thread ended")),
+        match last_wait::join(self.thread, || self.written.load(Ordering::Relaxed)) {
+            Some(Ok(Ok(()))) if self.lost == 0 => Ok(()),
+            Some(Ok(Ok(()))) => Err(format!("{path}: {} rows were lost", self.lost)),
+            Some(Ok(Err(error))) => Err(format!("{path}: {error}")),
+            Some(Err(_)) => Err(format!("{path}: its thread ended")),
+            None => Err(format!("{path}: its disk takes nothing")),
         }
     }
 }
 
-fn write_rows(mut file: GrowingFile, mut rows: rtrb::Consumer<Lengths>) -> std::io::Result<()> {
-    let mut text = String::new();
+fn write_rows(
+    mut file: GrowingFile,
+    header: &str,
+    mut rows: rtrb::Consumer<Lengths>,
+    written: &AtomicU64,
+) -> io::Result<()> {
+    let mut text = header.to_owned();
     loop {
         // Before the last look: what came until then is written.
         let is_last = rows.is_abandoned();
+        let mut count = 0;
         while let Ok(lengths) = rows.pop() {
             row(&mut text, &lengths);
+            count += 1;
         }
-        file.write_all(text.as_bytes())?;
-        if is_last {
+        if count > 0 {
+            file.write_all(text.as_bytes())?;
+            text.clear();
+            written.fetch_add(count, Ordering::Relaxed);
+        } else if is_last {
             return Ok(());
-        }
-        if text.is_empty() {
+        } else {
             std::thread::sleep(REST);
         }
-        text.clear();
     }
 }
 
