@@ -19,7 +19,7 @@ const UM_PER_COUNT: f64 = 0.5;
 const FREE: &str = "127.0.0.1:0";
 
 /// Gauges of these names, at positions 1, 2 and so on.
-fn file(names: &[&str]) -> String {
+pub(crate) fn file(names: &[&str]) -> String {
     let gauges = (1..).zip(names).map(|(position, name)| {
         format!(
             "[[gauge]]\nname = \"{name}\"\nposition = {position}\nproduct = 0x13ED3052\num_per_count = {UM_PER_COUNT:?}\n"
@@ -29,7 +29,7 @@ fn file(names: &[&str]) -> String {
 }
 
 /// Starts gauges; returns their address, too.
-fn start(folder: &Folder, name: &str, options: &[&str]) -> (Running, String) {
+pub(crate) fn start(folder: &Folder, name: &str, options: &[&str]) -> (Running, String) {
     let arguments = [
         &["gauges", "emulated", "gauges.toml", "--publish", FREE],
         options,
@@ -45,7 +45,19 @@ fn start(folder: &Folder, name: &str, options: &[&str]) -> (Running, String) {
 fn a_program_without_ethercat_says_so() {
     let folder = Folder::new("gauges-without");
     folder.write("gauges.toml", &file(&["x"]));
-    let ended = folder.run(&["gauges", "nosuch", "gauges.toml", "--publish", FREE]);
+    let ended = folder.run(&[
+        "gauges",
+        "nosuch",
+        "gauges.toml",
+        "--publish",
+        FREE,
+        "--record",
+        "run.csv",
+    ]);
+    assert!(
+        !folder.path("run.csv").exists(),
+        "a run without a row leaves no file"
+    );
     if HAS_ETHERCAT {
         let said = ended.failure(8);
         let reasons = [

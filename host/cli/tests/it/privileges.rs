@@ -86,6 +86,25 @@ fn a_server_that_listens_has_no_privileges() {
     ended.success();
 }
 
+/// The bus is open, and its lengths are published to a network.
+#[test]
+#[cfg(feature = "ethercat")]
+fn gauges_that_are_published_have_no_privileges() {
+    let folder = Folder::new("privileges-gauges");
+    folder.write("gauges.toml", &crate::gauges::file(&["x"]));
+    let options = ["--record", "run.csv"];
+    let (mut gauges, _) = crate::gauges::start(&folder, "gauges", &options);
+    gauges.await_that("a row", |_| folder.path("run.csv").exists());
+    let threads = threads(&gauges);
+    assert!(threads.iter().any(|(name, _)| name == "gauges table"));
+    for (name, thread) in &threads {
+        assert!(set(thread, "CapEff").is_none_or(|set| set == 0), "{name}");
+        let no_new = set(thread, "NoNewPrivs");
+        assert!(no_new.is_none_or(|set| set == 1), "{name}");
+    }
+    gauges.stop().success();
+}
+
 /// The superuser may write into a folder of another user, and so does the server: that one
 /// capability is left, and the log says why.
 #[test]

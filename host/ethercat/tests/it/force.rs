@@ -59,6 +59,10 @@ fn running() -> Server<3> {
     );
     let offsets = drives.initial().map(|initial| initial.offset);
     drives.start(|inputs| standing(inputs, &offsets));
+    assert!(
+        drives.force().unwrap().is_err(),
+        "what was read during the start is old"
+    );
     let targets = standing(drives.inputs(), &offsets);
     let mut server = Server {
         wire,
