@@ -496,9 +496,10 @@ pub fn greeting_is_judged<const N: usize>(
 }
 
 /// T28: the answer to a Hello is none, or not longer than it; its tag is for the nonce of that Hello.
-pub fn greeting_answer_is_shorter<const N: usize>(greeter: &Greeter<'_, N>, bytes: &[u8]) {
+/// Returns true if there is one.
+pub fn greeting_answer_is_shorter<const N: usize>(greeter: &Greeter<'_, N>, bytes: &[u8]) -> bool {
     let Some((gate, greeting)) = greeter.judge(bytes) else {
-        return;
+        return false;
     };
     let mut slot = Slot::new(Connection(0), Transport::Datagram, Suite::Tag);
     slot.greeted::<N>(greeting);
@@ -514,7 +515,7 @@ pub fn greeting_answer_is_shorter<const N: usize>(greeter: &Greeter<'_, N>, byte
     gate.tag_answer(hello.as_ref(), &mut frame);
     let Some(hello) = hello else {
         assert!(frame.is_empty(), "T28: who has no key gets no byte");
-        return;
+        return false;
     };
     assert!(
         frame.len() <= bytes.len(),
@@ -525,6 +526,7 @@ pub fn greeting_answer_is_shorter<const N: usize>(greeter: &Greeter<'_, N>, byte
         key.is_some_and(|key| has_tag(&frame, key.greeting(), &hello.nonce)),
         "T28: an answer is to one Hello"
     );
+    true
 }
 
 /// T28, of a whole endpoint: a datagram of a peer without a connection changes neither session nor
