@@ -35,7 +35,7 @@ pub(crate) fn check(
     wrong.extend(axes_agree(root, manifest)?);
     wrong.extend(mutants_apply(root, manifest));
     wrong.extend(families_are_tried(root, manifest)?);
-    for folder in mutate::FOLDERS.iter().chain(&["proofs/src"]) {
+    for folder in mutate::SOURCES {
         for path in files(&root.join(folder))? {
             let text = read(&path)?;
             let path = path.display().to_string();

@@ -9,8 +9,21 @@ use std::process::Command;
 use crate::manifest::Mutant;
 use crate::{at, files, read};
 
-/// Folders of the sources that mutants change.
-pub(crate) const FOLDERS: [&str; 3] = ["core/src/", "host/capi/src/", "host/labcomm/src/"];
+/// Folders of the sources that mutants change: what is proved, and the definitions that it is compared
+/// with.
+pub(crate) const FOLDERS: [&str; 4] = [
+    "core/src/",
+    "host/capi/src/",
+    "host/labcomm/src/",
+    "proofs/src/properties/",
+];
+/// Folders of all sources that a proof rests on.
+pub(crate) const SOURCES: [&str; 4] = [
+    "core/src/",
+    "host/capi/src/",
+    "host/labcomm/src/",
+    "proofs/src/",
+];
 
 /// Brings a workspace of core, C interface, LabComm and proofs alone up to date, without mutants.
 /// Files that are equal are left alone, so that Cargo builds only what a mutant changes.

@@ -178,7 +178,7 @@ const CONFIGURATION: &str = ".cargo/config.toml";
 fn texts(root: &Path) -> Result<BTreeMap<String, String>, String> {
     let mut paths = Vec::from(MANIFESTS.map(|path| root.join(path)));
     paths.extend(Some(root.join(CONFIGURATION)).filter(|path| path.is_file()));
-    for folder in mutate::FOLDERS.iter().chain(&["proofs/src"]) {
+    for folder in mutate::SOURCES {
         paths.extend(files(&root.join(folder))?);
     }
     let texts = paths.into_iter().map(|path| {
