@@ -4,9 +4,11 @@
 mod bus_reports;
 mod emulated;
 mod fault_log;
+mod gauge_link;
 pub mod gauges;
 mod initial_state;
 mod open;
+mod places;
 mod plant;
 mod told;
 

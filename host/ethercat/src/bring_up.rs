@@ -16,8 +16,12 @@ use crate::clock;
 use crate::discovery::{
     self, BusError, DevicePlace, Found, Group, Role, Unplaced, discover, first_refusal, locate,
 };
+use crate::instruments::beside_drives::BesideDrives;
+use crate::instruments::encoder::{Counter, GaugeConfig};
 use crate::instruments::force::{ForceSensor, ForceSensorConfig};
-use crate::instruments::{self, InstrumentRefusal, Instruments};
+use crate::instruments::{
+    self, GroupError, Identity, InstrumentRefusal, Instruments, MailboxSetup,
+};
 pub use clocks::ClockSettings;
 use clocks::Clocks;
 pub use error::BringUpError;
@@ -80,11 +84,34 @@ impl Settings {
 
 /// Parts of a bus beside drives that run freely.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Extras {
+pub struct Extras<'a> {
     /// Distributed clocks of the drives.
     pub clocks: Option<ClockSettings>,
     /// A force sensor.
     pub force_sensor: Option<ForceSensorConfig>,
+    /// Gauges.
+    pub gauges: &'a [GaugeConfig],
+}
+
+impl Extras<'_> {
+    /// Returns what is expected of the instruments, in the order in which they are numbered: the
+    /// gauges, then the force sensor.
+    fn identities(&self) -> impl Iterator<Item = Identity> + Clone {
+        let sensor = self.force_sensor.iter().map(ForceSensorConfig::identity);
+        self.gauges.iter().map(GaugeConfig::identity).chain(sensor)
+    }
+
+    /// Error of the instruments.
+    pub(crate) fn refused(&self, error: GroupError) -> BringUpError {
+        match error {
+            GroupError::Bus(error) => BringUpError::Bus(error),
+            GroupError::Member(index, reason) if index < self.gauges.len() => BringUpError::Gauge {
+                gauge: number(index),
+                reason,
+            },
+            GroupError::Member(_, reason) => BringUpError::ForceSensor { reason },
+        }
+    }
 }
 
 /// Values that a drive had before it was brought up.
@@ -115,7 +142,7 @@ pub(crate) struct Ready<const M: usize> {
     pub(crate) members: [Member; M],
     /// First pulse of SYNC0, ns of the reference; `None` for drives that run freely.
     pub(crate) sync0_start_ns: Option<u64>,
-    pub(crate) force_sensor: Option<Instruments<ForceSensor>>,
+    pub(crate) instruments: Option<Instruments<BesideDrives>>,
 }
 
 /// Number of a motor, for errors.
@@ -128,15 +155,15 @@ pub(crate) async fn bring_up<const M: usize>(
     main: &'static MainDevice<'static>,
     drives: &[DriveConfig; M],
     settings: &Settings,
-    extras: &Extras,
+    extras: &Extras<'_>,
 ) -> Result<Ready<M>, BringUpError> {
-    let (clocks, sensor) = (extras.clocks.as_ref(), extras.force_sensor.as_ref());
+    let clocks = extras.clocks.as_ref();
     let has_clocks = clocks.is_some();
     let clock_ns = move || if has_clocks { clock::now_ns() } else { 0 };
     let role = |here: &Found| {
         if drives.iter().any(|drive| here.is_at(drive.place)) {
             Role::Drive
-        } else if sensor.is_some_and(|sensor| here.is_at(sensor.place)) {
+        } else if extras.identities().any(|wanted| here.is_at(wanted.place)) {
             Role::Instrument
         } else {
             Role::Other
@@ -164,9 +191,11 @@ pub(crate) async fn bring_up<const M: usize>(
             setup.choose_sync0(settings.cycle_ns()).await?;
         }
     }
-    let force_sensor = match sensor {
-        Some(sensor) => Some(start_sensor(main, groups.instruments, &found, sensor).await?),
-        None => None,
+    let instruments = if extras.identities().next().is_some() {
+        let instruments = start_instruments(main, groups.instruments, &found, extras).await;
+        Some(instruments.map_err(|error| extras.refused(error))?)
+    } else {
+        None
     };
     let sync0_start_ns = match clocks {
         None => None,
@@ -219,29 +248,36 @@ pub(crate) async fn bring_up<const M: usize>(
         group,
         members,
         sync0_start_ns,
-        force_sensor,
+        instruments,
     })
 }
 
-/// Sets the force sensor up, takes it to SAFE-OP, and asks for OP.
-async fn start_sensor(
+/// Sets the instruments up, takes them to SAFE-OP, and asks for OP.
+async fn start_instruments(
     main: &'static MainDevice<'static>,
     group: Group<PreOp>,
     found: &[Found],
-    sensor: &ForceSensorConfig,
-) -> Result<Instruments<ForceSensor>, BringUpError> {
-    let refused = |reason| BringUpError::ForceSensor { reason };
-    let at = instruments::find(found, &sensor.identity(), std::iter::once(sensor.place))
-        .map_err(refused)?;
-    let subdevice = group.subdevice(main, at.1).map_err(|error| {
-        let step = "looking for the sensor";
-        refused(InstrumentRefusal::Exchange { step, error })
-    })?;
-    let instrument = ForceSensor::prepare(&instruments::MailboxSetup(&subdevice))
-        .await
-        .map_err(refused)?;
-    let members = vec![instruments::Member::new(at, instrument)];
-    Ok(Instruments::start(main, group, members, &sensor.control()).await?)
+    extras: &Extras<'_>,
+) -> Result<Instruments<BesideDrives>, GroupError> {
+    let places = extras.identities().map(|wanted| wanted.place);
+    let mut members = Vec::new();
+    for (index, wanted) in extras.identities().enumerate() {
+        let refused = |reason| GroupError::Member(index, reason);
+        let at = instruments::find(found, &wanted, places.clone()).map_err(refused)?;
+        let subdevice = group.subdevice(main, at.1).map_err(|error| {
+            let step = "looking for the instrument";
+            refused(InstrumentRefusal::Exchange { step, error })
+        })?;
+        let setup = MailboxSetup(&subdevice);
+        let instrument = match &extras.force_sensor {
+            Some(sensor) if index == extras.gauges.len() => ForceSensor::prepare(sensor, &setup)
+                .await
+                .map(BesideDrives::Force),
+            _ => Counter::prepare(&setup).await.map(BesideDrives::Gauge),
+        };
+        members.push(instruments::Member::new(at, instrument.map_err(refused)?));
+    }
+    Instruments::start(main, group, members).await
 }
 
 /// Lets all clocks follow the reference, and starts SYNC0; returns the time of its first pulse.

@@ -15,7 +15,8 @@ use crate::bring_up::{
 use crate::cia402::{CSP, FOLLOWING_ERROR, Input, PowerState, Target, control};
 use crate::discovery::{self, BusError, ERROR, MAX_SUBDEVICES, al_status, code_of};
 use crate::fault::Fault;
-use crate::instruments::force::ForceSensor;
+use crate::instruments::beside_drives::BesideDrives;
+use crate::instruments::encoder::{Counter, CounterMap};
 use crate::instruments::{Instruments, NoReading};
 use crate::main_device::main_device;
 use crate::pump::Pump;
@@ -87,7 +88,7 @@ pub struct Drives<W: Wire, const M: usize> {
     missed: u32,
     /// Cycle that follows the reference clock; `None` for drives that run freely.
     steered: Option<SteeredCycle>,
-    force_sensor: Option<Instruments<ForceSensor>>,
+    instruments: Option<Instruments<BesideDrives>>,
 }
 
 impl<W: Wire, const M: usize> Drives<W, M> {
@@ -105,7 +106,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         Self::bring_up_with(wire, drives, settings, Extras::default())
     }
 
-    /// The same, with distributed clocks of the drives, or a force sensor beside them.
+    /// The same, with distributed clocks of the drives, or instruments beside them.
     ///
     /// # Errors
     /// [`BringUpError`], with the motor that it concerns.
@@ -113,7 +114,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
         wire: W,
         drives: &[DriveConfig; M],
         settings: Settings,
-        extras: Extras,
+        extras: Extras<'_>,
     ) -> Result<Self, BringUpError> {
         if let Some(clocks) = &extras.clocks {
             clocks.check(settings.cycle_ns())?;
@@ -137,14 +138,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             group,
             members,
             sync0_start_ns,
-            mut force_sensor,
+            mut instruments,
         } = outcome.ok_or(BusError::Overdue {
             seconds: BRING_UP_S,
         })??;
         let sent = members.map(|member| crate::bring_up::standing(&member.initial));
-        if let Some(sensor) = &mut force_sensor {
+        if let Some(instruments) = &mut instruments {
             let times_us = [settings.cycle_us, settings.answer_us].map(u64::from);
-            sensor.come_into_operation(&mut pump, main, times_us)?;
+            let in_operation = instruments.come_into_operation(&mut pump, main, times_us);
+            in_operation.map_err(|error| extras.refused(error))?;
         }
         let steered = (extras.clocks)
             .zip(sync0_start_ns)
@@ -164,7 +166,7 @@ impl<W: Wire, const M: usize> Drives<W, M> {
             condition: Condition::Prepared,
             missed: 0,
             steered,
-            force_sensor,
+            instruments,
         })
     }
 
@@ -214,8 +216,24 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     /// a sensor.
     #[must_use]
     pub fn force(&self) -> Option<Result<[f64; 6], NoReading>> {
-        let sensor = self.force_sensor.as_ref()?.each().next()?;
-        Some(sensor.reading())
+        let mut instruments = self.instruments.as_ref()?.each();
+        Some(instruments.find_map(BesideDrives::force)?.reading())
+    }
+
+    /// Returns the counts of the gauges as of the last [`cycle`](Self::cycle), from the first count of
+    /// each one on, or the reason for which there is none.
+    pub fn gauge_counts(&self) -> impl Iterator<Item = Result<i64, NoReading>> {
+        self.gauges().map(Counter::count)
+    }
+
+    /// Returns what the inputs of each gauge's terminal hold.
+    pub fn gauge_maps(&self) -> impl Iterator<Item = CounterMap> {
+        self.gauges().map(Counter::map)
+    }
+
+    fn gauges(&self) -> impl Iterator<Item = &Counter> {
+        let instruments = self.instruments.iter().flat_map(Instruments::each);
+        instruments.filter_map(BesideDrives::gauge)
     }
 
     /// Returns the wire.
@@ -291,15 +309,15 @@ impl<W: Wire, const M: usize> Drives<W, M> {
 
     /// Reads the instruments, in what is left of the time for answers: the drives come first.
     fn read_instruments(&mut self, began_us: u64) {
-        let Some(sensor) = &mut self.force_sensor else {
+        let Some(instruments) = &mut self.instruments else {
             return;
         };
         let end_us = began_us.saturating_add(self.settings.answer_us.into());
         let left_us = end_us.saturating_sub(self.pump.wire.now_us());
         if left_us < INSTRUMENTS_US {
-            sensor.miss(NoReading::Skipped);
+            instruments.miss(NoReading::Skipped);
         } else {
-            sensor.cycle(&mut self.pump, self.main, INSTRUMENTS_US);
+            instruments.cycle(&mut self.pump, self.main, INSTRUMENTS_US);
         }
     }
 

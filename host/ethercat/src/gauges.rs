@@ -5,11 +5,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ethercrab::{Command, MainDevice, RegisterAddress};
 
-use crate::discovery::{BusError, DevicePlace, Found, Role, discover};
+use crate::discovery::{BusError, Found, Role, discover};
 use crate::instruments::encoder::Counter;
-pub use crate::instruments::encoder::CounterMap;
-use crate::instruments::{GroupError, Identity, Instruments, MailboxSetup, Member, find};
-pub use crate::instruments::{InstrumentRefusal, NoReading};
+use crate::instruments::encoder::{CounterMap, GaugeConfig};
+use crate::instruments::{GroupError, Instruments, MailboxSetup, Member, find};
+use crate::instruments::{InstrumentRefusal, NoReading};
 use crate::main_device::main_device;
 use crate::pump::Pump;
 use crate::wire::Wire;
@@ -18,30 +18,6 @@ use crate::wire::Wire;
 const BRING_UP_S: u32 = 60;
 /// AL control: the request of INIT.
 const INIT: u16 = 0x01;
-
-/// Expectations of one gauge's terminal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GaugeConfig {
-    /// Place.
-    pub place: DevicePlace,
-    /// Vendor.
-    pub vendor: u32,
-    /// Product code.
-    pub product: u32,
-}
-
-impl GaugeConfig {
-    /// Vendor of the terminals whose maps are known here.
-    pub const BECKHOFF: u32 = 0x0000_0002;
-
-    const fn identity(&self) -> Identity {
-        Identity {
-            place: self.place,
-            vendor: self.vendor,
-            product: self.product,
-        }
-    }
-}
 
 /// Error of a bring-up of gauges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -167,8 +143,7 @@ async fn bring_up(
             .map_err(refused)?;
         members.push(Member::new(at, counter));
     }
-    // Zeros: any bit of a control word would latch, set or reset a counter.
-    Ok(Instruments::start(main, groups.instruments, members, &[]).await?)
+    Ok(Instruments::start(main, groups.instruments, members).await?)
 }
 
 impl<W: Wire> Drop for Gauges<W> {

@@ -1,6 +1,7 @@
 //! Instruments of a bus: devices that measure, and move nothing. They have a group and a frame of
 //! their own, and what they do is never a fault of the drives.
 
+pub(crate) mod beside_drives;
 pub(crate) mod encoder;
 pub(crate) mod force;
 mod refusal;
@@ -30,6 +31,11 @@ const ACKNOWLEDGE_IN_SAFE_OP: u16 = 0x14;
 
 /// State of one instrument between cycles.
 pub(crate) trait Instrument {
+    /// Returns the outputs of every cycle; zeros stand behind them.
+    fn outputs(&self) -> &[u8] {
+        &[]
+    }
+
     /// Takes the inputs of a cycle.
     fn take(&mut self, inputs: &[u8]);
 
@@ -117,13 +123,11 @@ pub(crate) struct Instruments<I> {
 }
 
 impl<I: Instrument> Instruments<I> {
-    /// Takes instruments that are set up to SAFE-OP, and asks for OP. `outputs` is written to each
-    /// one in every cycle.
+    /// Takes instruments that are set up to SAFE-OP, and asks for OP.
     pub(crate) async fn start(
         main: &'static MainDevice<'static>,
         group: Group<PreOp>,
         members: Vec<Member<I>>,
-        outputs: &[u8],
     ) -> Result<Self, GroupError> {
         let bus = |step| move |error| GroupError::Bus(BusError::of(step)(error));
         let group = group.into_pre_op_pdi(main).await;
@@ -131,7 +135,7 @@ impl<I: Instrument> Instruments<I> {
         for member in &members {
             if let Ok(subdevice) = group.subdevice(main, member.index) {
                 let mut image = subdevice.outputs_raw_mut();
-                for (place, byte) in image.iter_mut().zip(outputs) {
+                for (place, byte) in image.iter_mut().zip(member.instrument.outputs()) {
                     *place = *byte;
                 }
             }

@@ -37,6 +37,7 @@ pub use cia402::{Input, Offset, PowerState, Target};
 pub use discovery::{BusError, DevicePlace};
 pub use drives::{Condition, Drives};
 pub use fault::Fault;
+pub use instruments::encoder::{CounterMap, GaugeConfig};
 pub use instruments::force::ForceSensorConfig;
 pub use instruments::{InstrumentRefusal, NoReading};
 pub use raw_socket::{RawSocket, RawSocketError, check_link};

@@ -1,5 +1,6 @@
 //! `gantry-tau serve`.
 
+use std::fmt::Display;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -111,7 +112,7 @@ pub(crate) struct Serve {
     /// the force steps; for `experiment`
     #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["force_max", "step_seconds", "motion"])]
     plan: Option<InputFile>,
-    /// Address of the simulated gauges of a plan
+    /// Address of the gauges: those on the bus of the drives, or the simulated ones of a plan
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7002", value_parser = address)]
     gauges: SocketAddr,
     /// Let the platform of the simulated machine be in equilibrium in every cycle, as without the
@@ -235,7 +236,11 @@ impl MachineCommand for Serve {
         self.check()?;
         self.check_interface(&robot)?;
         let allowed = Allowed::only(&self.allow)?;
-        let gauges = self.plan.is_some().then_some(self.gauges);
+        let has_gauges = match &self.plant {
+            PlantChoice::Emulated | PlantChoice::Interface(_) => has_gauges(&robot),
+            PlantChoice::Simulated | PlantChoice::Socket(_) => self.plan.is_some(),
+        };
+        let gauges = has_gauges.then_some(self.gauges);
         let has_accelerometer = robot.sensor.accelerometer.is_some();
         let accelerometer = has_accelerometer.then_some(self.accelerometer);
         if !(self.listen.ip().is_loopback() || self.insecure) && self.key.is_empty() {
@@ -297,14 +302,7 @@ impl MachineCommand for Serve {
         let plan = plan::read(path, K::MODEL, &robot.metres_per_q)?;
         plan.check_wrist(path, robot.wrist.len())?;
         let owned = self.own(&robot, &allowed)?;
-        let link = GaugePublisher::bind(self.gauges)
-            .map(|link| link.for_peers(allowed.clone()))
-            .map_err(|error| ServerError::listen(self.gauges, &error))?;
-        say(format_args!(
-            "gauges of {} on {}",
-            path.display(),
-            link.address()?
-        ));
+        let link = self.gauge_link(path.display(), &allowed)?;
         let machine = CampaignMachine::<N, M>::from_robot(&simulated, plan, link)?;
         let switch = machine.switch();
         self.serve(&robot, owned, positions_only, || {
@@ -340,7 +338,26 @@ pub(super) struct Ports {
     publications: Vec<Publication>,
 }
 
+/// True if there are gauges on the bus of the drives.
+fn has_gauges<K, const N: usize>(robot: &RobotFile<K, N>) -> bool {
+    let section = robot.ethercat.as_ref();
+    section.is_some_and(|section| !section.gauges.is_empty())
+}
+
 impl Serve {
+    /// Listens for readers of the gauges that `file` describes.
+    pub(super) fn gauge_link(
+        &self,
+        file: impl Display,
+        allowed: &Allowed,
+    ) -> Result<GaugePublisher, Failure> {
+        let link = GaugePublisher::bind(self.gauges)
+            .map(|link| link.for_peers(allowed.clone()))
+            .map_err(|error| ServerError::listen(self.gauges, &error))?;
+        say(format_args!("gauges of {file} on {}", link.address()?));
+        Ok(link)
+    }
+
     /// Serves the machine that `open` finds, until the quit; what it returns beside the machine
     /// sees every row. Until `open` is called no machine has been touched; `docs/operation.md`
     /// lists the order.

@@ -15,10 +15,16 @@ pub(super) enum BusReport {
     },
     /// The force sensor gives readings, or not, for this reason.
     ForceSensor(Option<NoReading>),
+    /// A gauge counts, or not, for this reason.
+    Gauge {
+        index: usize,
+        without: Option<NoReading>,
+    },
 }
 
 impl BusReport {
-    pub(super) fn log(self) {
+    /// Writes it to the log. `gauges`: names of the gauges.
+    pub(super) fn log(self, gauges: &[String]) {
         match self {
             Self::Clock {
                 is_locked,
@@ -40,19 +46,37 @@ impl BusReport {
             Self::ForceSensor(Some(reason)) => {
                 tracing::warn!("EtherCAT: no reading of the force sensor: {reason}");
             }
+            Self::Gauge { index, without } => {
+                let name = gauges.get(index).map_or("", String::as_str);
+                match without {
+                    None => tracing::info!("EtherCAT: {name}: counts"),
+                    Some(reason) => tracing::warn!("EtherCAT: {name}: no count: {reason}"),
+                }
+            }
         }
     }
 }
 
 /// Reports about each, at most one in a second.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct BusReports {
     reports: Option<rtrb::Producer<BusReport>>,
     clock: Told<bool>,
     force_sensor: Told<Option<NoReading>>,
+    gauges: Vec<Told<Option<NoReading>>>,
 }
 
 impl BusReports {
+    /// Reports of a bus with so many gauges.
+    pub(super) fn of_gauges(gauges: usize) -> Self {
+        Self {
+            reports: None,
+            clock: Told::default(),
+            force_sensor: Told::default(),
+            gauges: std::iter::repeat_with(Told::default).take(gauges).collect(),
+        }
+    }
+
     /// Sends the reports to a log.
     pub(super) fn report_to(&mut self, reports: rtrb::Producer<BusReport>) {
         self.reports = Some(reports);
@@ -67,8 +91,17 @@ impl BusReports {
         });
         let sensor = drives.force().map(Result::err);
         let sensor = self.force_sensor.news(sensor).map(BusReport::ForceSensor);
-        if let Some(reports) = &mut self.reports {
-            for report in [clock, sensor].into_iter().flatten() {
+        let gauges = self
+            .gauges
+            .iter_mut()
+            .zip(drives.gauge_counts())
+            .enumerate();
+        let gauges = gauges.filter_map(|(index, (told, count))| {
+            let without = told.news(Some(count.err()))?;
+            Some(BusReport::Gauge { index, without })
+        });
+        for report in [clock, sensor].into_iter().flatten().chain(gauges) {
+            if let Some(reports) = &mut self.reports {
                 // A full queue has enough to log.
                 let _full = reports.push(report);
             }

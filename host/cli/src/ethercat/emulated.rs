@@ -13,6 +13,7 @@ use gantry_tau_server::plant::{Plant, PlantError, ToolReading};
 use gantry_tau_sim::load_generator::AppliedLoad;
 use gantry_tau_sim::machine::SimulatedMachine;
 
+use super::gauges::terminal;
 use super::open::EthercatError;
 use super::plant::{DriveMotor, MachineWire};
 
@@ -272,32 +273,55 @@ where
         .zip(&setups)
         .map(|(index, setup)| Node::Drive(drive(index, setup, section.clocks)))
         .collect();
-    if let Some(sensor) = &section.force_sensor {
-        nodes.push(force_sensor(robot, sensor, nodes.len())?);
-    }
+    nodes.extend(instruments(robot, section, M)?);
     Ok(EmulatedWire::new(Chain::of(nodes, machine)))
 }
 
-/// Returns an emulated force sensor, which stands behind the drives.
-fn force_sensor<K, const N: usize>(
+/// Returns the emulated instruments, which stand behind the drives, from this position on.
+fn instruments<K, const N: usize>(
     robot: &RobotFile<K, N>,
-    sensor: &EthercatForceSensor,
-    position: usize,
-) -> Result<Node, EthercatError> {
-    if sensor.position.map(usize::from) != Some(position) {
-        return Err(EthercatError::Drives {
-            file: robot.name.clone(),
-            key: "ethercat.force_sensor.position".to_owned(),
-            reason: format!("the emulated bus has the sensor behind the drives, at {position}"),
-        });
+    section: &Ethercat,
+    first: usize,
+) -> Result<Vec<Node>, EthercatError> {
+    let sensor = section.force_sensor.iter();
+    let sensor = sensor.map(|sensor| {
+        let key = "ethercat.force_sensor.position".to_owned();
+        (sensor.position, key, force_sensor(sensor))
+    });
+    let gauges = section.gauges.iter().enumerate();
+    let gauges = gauges.map(|(index, gauge)| {
+        let key = format!("ethercat.gauges[{index}].position");
+        (gauge.position, key, terminal(gauge))
+    });
+    let mut all: Vec<_> = sensor.chain(gauges).collect();
+    all.sort_by_key(|(position, ..)| *position);
+    let mut nodes = Vec::new();
+    for (expected, (position, key, node)) in (first..).zip(all) {
+        if position.map(usize::from) != Some(expected) {
+            return Err(EthercatError::Drives {
+                file: robot.name.clone(),
+                key,
+                reason: format!(
+                    "the emulated bus has the instruments behind the drives, without gaps; one is expected at {expected}"
+                ),
+            });
+        }
+        nodes.push(node);
     }
+    Ok(nodes)
+}
+
+/// Returns an emulated force sensor.
+fn force_sensor(sensor: &EthercatForceSensor) -> Node {
     let identity = Identity {
         vendor: sensor.vendor,
         product: sensor.product,
         ..ForceTerminal::IDENTITY
     };
-    let terminal = ForceTerminal::new(identity, FORCE_UNITS);
-    Ok(Node::Instrument(SubDevice::of(Instrument::Force(terminal))))
+    Node::Instrument(SubDevice::of(Instrument::Force(ForceTerminal::new(
+        identity,
+        FORCE_UNITS,
+    ))))
 }
 
 /// Returns an emulated drive. With clocks it is one that runs on SYNC0 alone, and whose clock has a

@@ -18,13 +18,17 @@ pub struct FaultLog {
     /// Faults logged since the last re-arm, and the cycles in which each came again.
     logged: Vec<(Fault, u64)>,
     phase: Phase,
+    /// Names of the gauges on the bus.
+    gauges: Vec<String>,
     /// Network interface, whose link explains missing answers.
     interface: Option<String>,
 }
 
 impl FaultLog {
     /// Returns a log, with the queues of faults and of other reports.
-    pub(super) fn new() -> (Self, rtrb::Producer<Fault>, rtrb::Producer<BusReport>) {
+    pub(super) fn new(
+        gauges: Vec<String>,
+    ) -> (Self, rtrb::Producer<Fault>, rtrb::Producer<BusReport>) {
         let (producer, faults) = rtrb::RingBuffer::new(FAULTS);
         let (sender, reports) = rtrb::RingBuffer::new(REPORTS);
         let log = Self {
@@ -32,6 +36,7 @@ impl FaultLog {
             reports,
             logged: Vec::new(),
             phase: Phase::Listening,
+            gauges,
             interface: None,
         };
         (log, producer, sender)
@@ -62,7 +67,7 @@ impl FaultLog {
         }
         self.phase = phase;
         while let Ok(report) = self.reports.pop() {
-            report.log();
+            report.log(&self.gauges);
         }
         while let Some(fault) = self.next() {
             match self.logged.iter_mut().find(|(logged, _)| {

@@ -7,8 +7,8 @@ mod shown;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use gantry_tau_ethercat::Wire;
-use gantry_tau_ethercat::gauges::{CounterMap, Gauges, GaugesError, NoReading};
+use gantry_tau_ethercat::gauges::{Gauges, GaugesError};
+use gantry_tau_ethercat::{CounterMap, NoReading, Wire};
 use gantry_tau_server::links::gauges::Lengths;
 use gantry_tau_server::realtime::{CycleTimer, raise_priority};
 
@@ -16,6 +16,7 @@ use super::told::Told;
 use crate::terminal::say;
 pub use file::GaugesFile;
 pub(crate) use outputs::GaugeOutputs;
+pub(super) use shown::terminal;
 pub use shown::{ShownGauges, shown_bus};
 
 /// Length of a cycle, and the longest wait for an answer, µs.

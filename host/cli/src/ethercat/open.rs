@@ -5,7 +5,7 @@ use gantry_tau_core::control::session::config::AxisConfig;
 use gantry_tau_core::units::PositionNm;
 use gantry_tau_ethercat::{
     BringUpError, ClockSettings, DevicePlace, DriveConfig, Drives, Extras, ForceSensorConfig,
-    Initial, Settings,
+    GaugeConfig, Initial, Settings,
 };
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{
@@ -15,7 +15,9 @@ use gantry_tau_server::plant::interpolator::Interpolator;
 use gantry_tau_server::plant::interpolator::Motion;
 
 use super::bus_reports::BusReports;
+use super::gauge_link::GaugeLink;
 use super::initial_state::{APART_NM, axis_position, offsets_of};
+use super::places::{gauge_configs, place};
 use super::plant::{DriveMotor, EthercatPlant, MachineWire};
 
 /// Longest wait for the answer of a cycle, µs: half of it.
@@ -106,6 +108,7 @@ fn key(error: &BringUpError) -> String {
         | BringUpError::Refused { motor, .. }
         | BringUpError::Exchange { motor, .. } => format!("ethercat.drives[{motor}]"),
         BringUpError::ForceSensor { .. } => "ethercat.force_sensor".to_owned(),
+        BringUpError::Gauge { gauge, .. } => format!("ethercat.gauges[{gauge}]"),
         BringUpError::Bus(_) => "ethercat".to_owned(),
     }
 }
@@ -125,10 +128,11 @@ fn clocks(section: &Ethercat) -> Option<ClockSettings> {
 }
 
 /// Returns what the bus has beside drives that run freely.
-fn extras(section: &Ethercat) -> Extras {
+fn extras<'a>(section: &Ethercat, gauges: &'a [GaugeConfig]) -> Extras<'a> {
     Extras {
         clocks: clocks(section),
         force_sensor: section.force_sensor.as_ref().map(force_sensor),
+        gauges,
     }
 }
 
@@ -138,14 +142,6 @@ fn force_sensor(sensor: &EthercatForceSensor) -> ForceSensorConfig {
         vendor: sensor.vendor,
         product: sensor.product,
         calibration: sensor.calibration,
-    }
-}
-
-/// Returns the place that one of the two keys names.
-fn place(alias: Option<u16>, position: Option<u16>) -> DevicePlace {
-    match (alias, position) {
-        (Some(alias), _) => DevicePlace::Alias(alias),
-        (None, position) => DevicePlace::Position(position.unwrap_or(0)),
     }
 }
 
@@ -212,7 +208,9 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             watchdog_cycles: section.watchdog_cycles,
             answer_us: ANSWER_US,
         };
-        let drives = Drives::bring_up_with(wire, &configs, settings, extras(section));
+        let gauges = gauge_configs(&section.gauges);
+        let extras = extras(section, &gauges);
+        let drives = Drives::bring_up_with(wire, &configs, settings, extras);
         let drives = drives.map_err(|error| EthercatError::BringUp {
             file: robot.name.clone(),
             key: key(&error),
@@ -236,7 +234,8 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
             refusal: None,
             travel: robot.limits.map(|limits| limits.machine_travel),
             faults: None,
-            reports: BusReports::default(),
+            reports: BusReports::of_gauges(section.gauges.len()),
+            gauges: GaugeLink::of(&section.gauges),
         })
     }
 }

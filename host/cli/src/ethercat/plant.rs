@@ -8,12 +8,14 @@ use gantry_tau_ethercat::{
 };
 use gantry_tau_machine::encoder_scale::EncoderScale;
 use gantry_tau_machine::robot_file::CYCLE_US;
+use gantry_tau_server::links::gauges::GaugePublisher;
 use gantry_tau_server::plant::interpolator::Interpolator;
 use gantry_tau_server::plant::{DriveState, Plant, PlantError, Reading, ToolReading};
 use gantry_tau_server::realtime;
 
 use super::bus_reports::BusReports;
 use super::fault_log::FaultLog;
+use super::gauge_link::GaugeLink;
 use super::initial_state::{APART_NM, axis_position, targets};
 
 /// Re-arms of an axis that may fail.
@@ -124,15 +126,21 @@ pub struct EthercatPlant<W: Wire, const N: usize, const M: usize> {
     pub(super) travel: [Travel; N],
     pub(super) faults: Option<rtrb::Producer<Fault>>,
     pub(super) reports: BusReports,
+    pub(super) gauges: GaugeLink,
 }
 
 impl<W: MachineWire<N>, const N: usize, const M: usize> EthercatPlant<W, N, M> {
     /// Returns the log of faults, to be written by another thread. The first call has it.
     pub fn fault_log(&mut self) -> FaultLog {
-        let (log, faults, reports) = FaultLog::new();
+        let (log, faults, reports) = FaultLog::new(self.gauges.names());
         self.faults = Some(faults);
         self.reports.report_to(reports);
         log
+    }
+
+    /// Publishes the lengths of the gauges on the bus.
+    pub fn publish_gauges(&mut self, link: GaugePublisher) {
+        self.gauges.publish_on(link);
     }
 
     /// Returns the drives.
@@ -299,6 +307,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> Plant<N, M> for Ethercat
         self.drives
             .wire_mut()
             .begin_cycles(elapsed, CYCLE_US.into());
+        self.gauges.begin_cycles(elapsed);
         self.refusal.map_or(Ok(()), Err)?;
         self.last.map_err(|fault| failed(&fault))?;
         self.failure.map_or(Ok(()), Err)?;
@@ -354,6 +363,7 @@ impl<W: MachineWire<N>, const N: usize, const M: usize> Plant<N, M> for Ethercat
         self.drives.wire_mut().note(&self.sent);
         let outcome = self.drives.cycle(&wanted);
         self.reports.see(&self.drives);
+        self.gauges.put(self.drives.gauge_counts());
         self.failure = self.drives.wire_mut().failure();
         if self.drives.is_confirmed() {
             self.in_force = self.sent;

@@ -4,7 +4,7 @@ use ethercrab::AlStatusCode;
 use ethercrab::error::Error;
 
 use crate::discovery::{BusError, DevicePlace};
-use crate::instruments::{GroupError, InstrumentRefusal};
+use crate::instruments::InstrumentRefusal;
 
 /// Error of a bring-up. Motors are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -23,6 +23,14 @@ pub enum BringUpError {
     /// The force sensor cannot be used.
     #[error("the force sensor: {reason}")]
     ForceSensor {
+        /// The reason.
+        reason: InstrumentRefusal,
+    },
+    /// A gauge cannot be used. Gauges are counted from 0.
+    #[error("gauge {gauge}: {reason}")]
+    Gauge {
+        /// Index of the gauge.
+        gauge: u8,
         /// The reason.
         reason: InstrumentRefusal,
     },
@@ -201,13 +209,4 @@ pub enum BringUpError {
         /// Error of the exchange.
         error: Error,
     },
-}
-
-impl From<GroupError> for BringUpError {
-    fn from(error: GroupError) -> Self {
-        match error {
-            GroupError::Member(_, reason) => Self::ForceSensor { reason },
-            GroupError::Bus(error) => Self::Bus(error),
-        }
-    }
 }

@@ -18,8 +18,8 @@ impl<W: Wire, const M: usize> Drives<W, M> {
     pub fn start(&mut self, standing: impl FnMut(&[Input; M]) -> [Target; M]) {
         self.come_into_operation(standing);
         // What was read meanwhile is old when the first cycle comes.
-        if let Some(sensor) = &mut self.force_sensor {
-            sensor.miss(NoReading::NoAnswer);
+        if let Some(instruments) = &mut self.instruments {
+            instruments.miss(NoReading::NoAnswer);
         }
     }
 

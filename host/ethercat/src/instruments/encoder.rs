@@ -3,7 +3,8 @@
 //! Maps of EL5101, EL5101-0010 and EL5151 `[infosys el5101 10715105803, 10718449291; el515x
 //! 1567650827]`: a status, the counter, a latch that is never used.
 
-use super::{Instrument, InstrumentRefusal, MailboxSetup, NoReading};
+use super::{Identity, Instrument, InstrumentRefusal, MailboxSetup, NoReading};
+use crate::discovery::DevicePlace;
 
 /// Bits of a status of 16 bits: an open circuit, a synchronisation error, invalid inputs, and the
 /// one that changes with each new value.
@@ -29,6 +30,30 @@ const SYNCHRONISATION: [u16; 2] = [0x1C33, 0x1C32];
 /// the wires on.
 const TO_SETTINGS: u16 = 0x2000;
 const WIRE_CHECKS: [u8; 2] = [0x0B, 0x0C];
+
+/// Expectations of one gauge's terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GaugeConfig {
+    /// Place.
+    pub place: DevicePlace,
+    /// Vendor.
+    pub vendor: u32,
+    /// Product code.
+    pub product: u32,
+}
+
+impl GaugeConfig {
+    /// Vendor of the terminals whose maps are known here.
+    pub const BECKHOFF: u32 = 0x0000_0002;
+
+    pub(crate) const fn identity(&self) -> Identity {
+        Identity {
+            place: self.place,
+            vendor: self.vendor,
+            product: self.product,
+        }
+    }
+}
 
 /// Inputs of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,6 +178,7 @@ impl Counter {
     }
 }
 
+// No outputs but zeros: any bit of a control word would latch, set or reset the counter.
 impl Instrument for Counter {
     fn take(&mut self, inputs: &[u8]) {
         let Some((status, counter)) = self.map.read(inputs) else {

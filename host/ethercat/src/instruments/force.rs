@@ -42,7 +42,7 @@ impl ForceSensorConfig {
     }
 
     /// Control words, constant: the number of the calibration, and no bias, which is the client's.
-    pub(crate) const fn control(&self) -> [u8; 8] {
+    const fn control(&self) -> [u8; 8] {
         [0, self.calibration & 0x0F, 0, 0, 0, 0, 0, 0]
     }
 }
@@ -50,6 +50,7 @@ impl ForceSensorConfig {
 /// A force sensor that was set up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ForceSensor {
+    control: [u8; 8],
     /// Newtons, and newton metres, of a count.
     per_count: [f64; 2],
     samples: Option<u32>,
@@ -59,7 +60,10 @@ pub(crate) struct ForceSensor {
 
 impl ForceSensor {
     /// Prepares a sensor in PRE-OP: assigns its PDOs, and asks for its units.
-    pub(crate) async fn prepare(sensor: &MailboxSetup<'_>) -> Result<Self, InstrumentRefusal> {
+    pub(crate) async fn prepare(
+        config: &ForceSensorConfig,
+        sensor: &MailboxSetup<'_>,
+    ) -> Result<Self, InstrumentRefusal> {
         for (direction, pdo) in [OUTPUTS, INPUTS] {
             sensor.assign(direction, pdo).await?;
         }
@@ -112,6 +116,7 @@ impl ForceSensor {
             *place = unit / f64::from(counts(sensor, sub).await?);
         }
         Ok(Self {
+            control: config.control(),
             per_count,
             samples: None,
             frozen_for: 0,
@@ -161,6 +166,10 @@ async fn counts(sensor: &MailboxSetup<'_>, sub: u8) -> Result<i32, InstrumentRef
 }
 
 impl Instrument for ForceSensor {
+    fn outputs(&self) -> &[u8] {
+        &self.control
+    }
+
     fn take(&mut self, inputs: &[u8]) {
         let mut words = inputs.chunks_exact(4);
         let mut next = || words.next().and_then(|word| <[u8; 4]>::try_from(word).ok());
@@ -203,6 +212,7 @@ mod tests {
 
     fn sensor() -> ForceSensor {
         ForceSensor {
+            control: [0; 8],
             per_count: [1e-6, 1e-3],
             samples: None,
             frozen_for: 0,

@@ -17,10 +17,11 @@ const CLOCKS: ClockSettings = ClockSettings {
     frame_to_sync0_ns: 500_000,
     has_sync1: false,
 };
-fn with(clocks: ClockSettings) -> Extras {
+fn with(clocks: ClockSettings) -> Extras<'static> {
     Extras {
         clocks: Some(clocks),
         force_sensor: None,
+        gauges: &[],
     }
 }
 

@@ -46,6 +46,7 @@ fn bring_up<W: gantry_tau_ethercat::Wire>(
     let extras = Extras {
         clocks: None,
         force_sensor: Some(sensor),
+        gauges: &[],
     };
     Drives::bring_up_with(wire, &configs(), SETTINGS, extras)
 }

@@ -4,10 +4,10 @@ use gantry_tau_ethercat::emulation::{
     Chain, EmulatedWire, EncoderModel, EncoderTerminal, Instrument, Kinematic, Node, Plain,
     SubDevice,
 };
-use gantry_tau_ethercat::gauges::{
-    CounterMap, GaugeConfig, Gauges, GaugesError, InstrumentRefusal, NoReading,
+use gantry_tau_ethercat::gauges::{Gauges, GaugesError};
+use gantry_tau_ethercat::{
+    BusError, CounterMap, DevicePlace, GaugeConfig, InstrumentRefusal, NoReading, Wire as _,
 };
-use gantry_tau_ethercat::{BusError, DevicePlace, Wire as _};
 
 use crate::bench::{CYCLE_US, Wire};
 

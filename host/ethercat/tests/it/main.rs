@@ -10,6 +10,7 @@
 )]
 
 mod bench;
+mod beside_drives;
 mod clocks;
 mod faults;
 mod force;

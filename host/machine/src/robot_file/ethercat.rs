@@ -4,6 +4,7 @@ use gantry_tau_core::control::session::config::AxisConfig;
 use serde::Deserialize;
 
 use super::Motors;
+use super::gauges::{EthercatGauge, problems_of_gauges};
 use super::problems::Problems;
 use crate::encoder_scale::EncoderScale;
 use crate::robot_file::CYCLE_US;
@@ -31,6 +32,9 @@ pub struct Ethercat {
     pub drives: Vec<EthercatDrive>,
     /// Force sensor on the same bus.
     pub force_sensor: Option<EthercatForceSensor>,
+    /// Gauges on the same bus.
+    #[serde(default)]
+    pub gauges: Vec<EthercatGauge>,
 }
 
 /// Clocks that drives run by.
@@ -142,6 +146,7 @@ impl Ethercat {
             frame_to_sync0_us: half_a_cycle(),
             drives: drives.collect(),
             force_sensor: None,
+            gauges: Vec::new(),
         }
     }
 
@@ -192,6 +197,7 @@ pub(super) fn check<const N: usize>(
     if let Some(sensor) = &section.force_sensor {
         check_force_sensor(sensor, &section.drives, problems);
     }
+    check_gauges(section, problems);
     let (drives, count) = (section.drives.len(), motors.axis_of_motor.len());
     if drives != count {
         let reason = format!("lists {drives} drives, [motors] has {count} motors");
@@ -234,6 +240,24 @@ fn check_force_sensor(
             sensor.calibration
         );
         problems.add("ethercat.force_sensor.calibration", reason);
+    }
+}
+
+/// Checks the gauges, and that each has a place of its own.
+fn check_gauges(section: &Ethercat, problems: &mut Problems) {
+    for (key, reason) in problems_of_gauges(&section.gauges) {
+        problems.add(format!("ethercat.gauges{key}"), reason);
+    }
+    let drives = section.drives.iter();
+    let drives = drives.map(|drive| (drive.alias, drive.position));
+    let sensor = section.force_sensor.iter();
+    let taken = drives.chain(sensor.map(|sensor| (sensor.alias, sensor.position)));
+    for (index, gauge) in section.gauges.iter().enumerate() {
+        let place = (gauge.alias, gauge.position);
+        if taken.clone().any(|taken| taken == place) {
+            let key = format!("ethercat.gauges[{index}].position");
+            problems.add(key, "names a drive or the force sensor");
+        }
     }
 }
 

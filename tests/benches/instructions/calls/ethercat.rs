@@ -118,6 +118,7 @@ pub(super) fn exchange_with_clocks() {
             has_sync1: false,
         }),
         force_sensor: None,
+        gauges: &[],
     });
 }
 
@@ -125,6 +126,7 @@ pub(super) fn exchange_with_clocks() {
 pub(super) fn exchange_with_force_sensor() {
     exchange_with(Extras {
         clocks: None,
+        gauges: &[],
         force_sensor: Some(ForceSensorConfig {
             place: DevicePlace::Position(9),
             vendor: ForceTerminal::IDENTITY.vendor,
@@ -156,7 +158,7 @@ fn chain(has_clocks: bool) -> Chain<Kinematic> {
     Chain::of(drives.chain([sensor]).collect(), Kinematic)
 }
 
-fn exchange_with(extras: Extras) {
+fn exchange_with(extras: Extras<'_>) {
     let mut wire = EmulatedWire::new(chain(extras.clocks.is_some()));
     let settings = Settings {
         cycle_us: 1_000,

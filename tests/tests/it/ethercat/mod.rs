@@ -5,6 +5,7 @@ mod clocks;
 mod compensation;
 mod faults;
 mod force;
+mod gauges;
 mod log;
 mod lost_frames;
 mod offsets;
@@ -100,7 +101,14 @@ impl<const N: usize, const M: usize> Server<N, M> {
         bus: &EmulatedBus<N, M>,
         motion_m: f64,
     ) -> Self {
-        let mut plant = open(robot, section, bus, motion_m).unwrap();
+        Self::of(robot, bus, open(robot, section, bus, motion_m).unwrap())
+    }
+
+    fn of<K: MachineKind<N>>(
+        robot: &RobotFile<K, N>,
+        bus: &EmulatedBus<N, M>,
+        mut plant: Plant<N, M>,
+    ) -> Self {
         let log = plant.fault_log();
         let (config, motors) = (
             robot.session_config(Capabilities::NONE).unwrap(),

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use gantry_tau_ethercat::GaugeConfig;
 use gantry_tau_ethercat::emulation::{
     Chain, EmulatedWire, EncoderModel, EncoderTerminal, ForceTerminal, ForceUnits, Instrument,
     Kinematic, Node, Plain, SubDevice,
 };
-use gantry_tau_ethercat::gauges::{GaugeConfig, Gauges};
+use gantry_tau_ethercat::gauges::Gauges;
 use gantry_tau_ethercat::{DevicePlace, RawSocket, Wire as _};
 use serde_json::{Value, json};
 

@@ -2,60 +2,26 @@
 
 use std::path::Path;
 
-use gantry_tau_ethercat::gauges::GaugeConfig;
-use gantry_tau_ethercat::{DevicePlace, NoReading};
+use gantry_tau_ethercat::{GaugeConfig, NoReading};
 use gantry_tau_identify::measurements::{FileError, setup};
+use gantry_tau_machine::robot_file::{EthercatGauge, MAX_GAUGES, problems_of_gauges};
 use serde::Deserialize;
 
-/// Largest number of gauges: a bus has 16 devices, and a coupler is one of them.
-const MAX_GAUGES: usize = 15;
+use crate::ethercat::places;
 
 /// The gauges of a file, in its order.
 #[derive(Clone, Debug)]
 pub struct GaugesFile {
     /// Path of the file, for errors.
     pub(super) path: String,
-    pub(super) gauges: Vec<Gauge>,
-}
-
-/// A gauge, and the terminal that counts its edges.
-#[derive(Clone, Debug)]
-pub(super) struct Gauge {
-    pub(super) name: String,
-    pub(super) place: DevicePlace,
-    pub(super) product: u32,
-    /// Length of a count, µm, with the sign of the direction.
-    pub(super) um_per_count: f64,
-}
-
-impl Gauge {
-    /// Length of a number of counts, m.
-    fn length_m(&self, count: i64) -> f64 {
-        count as f64 * self.um_per_count * 1e-6
-    }
+    pub(super) gauges: Vec<EthercatGauge>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct GaugeTables {
     #[serde(default)]
-    gauge: Vec<GaugeTable>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GaugeTable {
-    name: String,
-    position: Option<u16>,
-    alias: Option<u16>,
-    product: u32,
-    um_per_count: f64,
-    #[serde(default = "plus")]
-    sign: i64,
-}
-
-const fn plus() -> i64 {
-    1
+    gauge: Vec<EthercatGauge>,
 }
 
 impl GaugesFile {
@@ -68,23 +34,13 @@ impl GaugesFile {
     }
 
     fn parse(path: &Path, text: &str) -> Result<Self, FileError> {
-        let tables: GaugeTables = setup::parse(path, text)?;
-        let mut gauges: Vec<Gauge> = Vec::new();
-        for (index, table) in tables.gauge.iter().enumerate() {
-            let refused = |key: &str, reason: String| {
-                FileError::key(path, format!("gauge[{index}].{key}"), reason)
-            };
-            if gauges.iter().any(|gauge| gauge.name == table.name) {
-                return Err(refused("name", format!("{:?} is named twice", table.name)));
-            }
-            let gauge = table
-                .gauge()
-                .map_err(|(key, reason)| refused(key, reason))?;
-            gauges.push(gauge);
-        }
-        if !(1..=MAX_GAUGES).contains(&gauges.len()) {
-            let reason = format!("expected 1 to {MAX_GAUGES} tables, found {}", gauges.len());
+        let GaugeTables { gauge: gauges } = setup::parse(path, text)?;
+        if gauges.is_empty() {
+            let reason = format!("expected 1 to {MAX_GAUGES} tables, found 0");
             return Err(FileError::key(path, "gauge", reason));
+        }
+        if let Some((key, reason)) = problems_of_gauges(&gauges).into_iter().next() {
+            return Err(FileError::key(path, format!("gauge{key}"), reason));
         }
         let path = path.display().to_string();
         Ok(Self { path, gauges })
@@ -95,59 +51,13 @@ impl GaugesFile {
         &self,
         counts: impl Iterator<Item = Result<i64, NoReading>>,
     ) -> impl Iterator<Item = f64> {
-        let of_gauges = counts.zip(&self.gauges);
-        of_gauges.map(|(count, gauge)| count.map_or(f64::NAN, |count| gauge.length_m(count)))
+        places::lengths_m(&self.gauges, counts)
     }
 
     /// Expectations of the terminals.
     #[must_use]
     pub fn configs(&self) -> Vec<GaugeConfig> {
-        let gauges = self.gauges.iter().map(|gauge| GaugeConfig {
-            place: gauge.place,
-            vendor: GaugeConfig::BECKHOFF,
-            product: gauge.product,
-        });
-        gauges.collect()
-    }
-}
-
-impl GaugeTable {
-    /// The gauge, or the key that is wrong and the reason.
-    fn gauge(&self) -> Result<Gauge, (&'static str, String)> {
-        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        if self.name.is_empty() || !self.name.chars().all(is_name) {
-            let reason = "expected letters, digits, _ and -".to_owned();
-            return Err(("name", reason));
-        }
-        let place = match (self.position, self.alias) {
-            (Some(position), None) => DevicePlace::Position(position),
-            (None, Some(alias)) if alias != 0 => DevicePlace::Alias(alias),
-            (None, Some(_)) => {
-                return Err(("alias", "0 is that of devices without one".to_owned()));
-            }
-            (None, None) => return Err(("position", "missing, and no alias either".to_owned())),
-            (Some(_), Some(_)) => {
-                return Err((
-                    "alias",
-                    "there is a position already; expected one".to_owned(),
-                ));
-            }
-        };
-        if !(1e-6..=1e3).contains(&self.um_per_count) {
-            let reason = format!("is {}; expected from 1e-6 to 1000 um", self.um_per_count);
-            return Err(("um_per_count", reason));
-        }
-        let sign = match self.sign {
-            1 => 1.0,
-            -1 => -1.0,
-            other => return Err(("sign", format!("is {other}; expected 1 or -1"))),
-        };
-        Ok(Gauge {
-            name: self.name.clone(),
-            place,
-            product: self.product,
-            um_per_count: sign * self.um_per_count,
-        })
+        places::gauge_configs(&self.gauges)
     }
 }
 
@@ -170,8 +80,10 @@ mod tests {
         let file = parse(&format!("{GAUGE}{second}")).unwrap();
         let lengths: Vec<f64> = file.gauges.iter().map(|gauge| gauge.length_m(3)).collect();
         assert_eq!(lengths, [1.5e-6, -1.5e-6]);
-        let places: Vec<DevicePlace> = file.configs().iter().map(|config| config.place).collect();
-        assert_eq!(places, [DevicePlace::Position(1), DevicePlace::Alias(7)]);
+        let places: Vec<gantry_tau_ethercat::DevicePlace> =
+            file.configs().iter().map(|config| config.place).collect();
+        use gantry_tau_ethercat::DevicePlace::{Alias, Position};
+        assert_eq!(places, [Position(1), Alias(7)]);
     }
 
     #[test]

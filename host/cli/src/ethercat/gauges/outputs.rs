@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use gantry_tau_ethercat::gauges::NoReading;
+use gantry_tau_ethercat::NoReading;
 use gantry_tau_labcomm::Version;
 use gantry_tau_server::links::Allowed;
 use gantry_tau_server::links::gauges::{GaugePublisher, Lengths};

@@ -1,14 +1,14 @@
 //! Terminals in process that count what other gauges show.
 
-use gantry_tau_ethercat::DevicePlace;
 use gantry_tau_ethercat::emulation::{
     Chain, EmulatedWire, EncoderModel, EncoderTerminal, Instrument, Node, Plain, Process, SubDevice,
 };
+use gantry_tau_machine::robot_file::EthercatGauge;
 use gantry_tau_server::links::gauges::GaugeReader;
 use gantry_tau_system::dial::{Addresses, NEVER};
 
 use super::GaugesFile;
-use super::file::Gauge;
+use crate::ethercat::places::place;
 
 /// Product code of an EL5151; any other counts as an EL5101.
 const EL5151: u32 = 0x141F_3052;
@@ -16,7 +16,7 @@ const EL5151: u32 = 0x141F_3052;
 /// Gauges that are shown by a link.
 #[derive(Debug)]
 pub struct ShownGauges {
-    gauges: Vec<Gauge>,
+    gauges: Vec<EthercatGauge>,
     link: Option<GaugeReader>,
 }
 
@@ -44,7 +44,7 @@ impl Process for ShownGauges {
         {
             terminal.break_wire(!length_m.is_finite());
             if length_m.is_finite() {
-                terminal.set_counts((length_m * 1e6 / gauge.um_per_count).round() as i64);
+                terminal.set_counts((length_m / gauge.length_m(1)).round() as i64);
             }
         }
     }
@@ -60,6 +60,17 @@ fn terminals(
     })
 }
 
+/// Returns an emulated terminal for a gauge.
+pub(in crate::ethercat) fn terminal(gauge: &EthercatGauge) -> Node {
+    let model = if gauge.product == EL5151 {
+        EncoderModel::El5151
+    } else {
+        EncoderModel::El5101
+    };
+    let terminal = Instrument::Encoder(EncoderTerminal::new(model));
+    Node::Instrument(SubDevice::of(terminal))
+}
+
 /// Builds a bus of a coupler and the terminals of a file, in its order. They count what the gauges
 /// at `show` show, or stand.
 ///
@@ -73,19 +84,15 @@ pub fn shown_bus(
         Plain::coupler(),
     )))];
     for (position, gauge) in (1..).zip(&file.gauges) {
-        if gauge.place != DevicePlace::Position(position) {
+        if gauge.position != Some(position) {
             return Err(format!(
                 "{}: {}: the emulated bus has the gauges at positions 1, 2 and so on, in the order of the file; this one is at {}",
-                file.path, gauge.name, gauge.place
+                file.path,
+                gauge.name,
+                place(gauge.alias, gauge.position)
             ));
         }
-        let model = if gauge.product == EL5151 {
-            EncoderModel::El5151
-        } else {
-            EncoderModel::El5101
-        };
-        let terminal = Instrument::Encoder(EncoderTerminal::new(model));
-        nodes.push(Node::Instrument(SubDevice::of(terminal)));
+        nodes.push(terminal(gauge));
     }
     let link = show.map(|at| {
         GaugeReader::connect(at.clone(), &NEVER)

@@ -241,21 +241,20 @@ impl Device for EncoderTerminal {
             self.shown = (self.status(), (self.counts - self.zero) as u32);
         }
         let (status, counter) = self.shown;
-        let mut bytes = Vec::new();
-        if self.is_enhanced() {
-            bytes.extend(status.to_le_bytes());
+        let (status, counter) = (status.to_le_bytes(), counter.to_le_bytes());
+        let old = [if self.is_broken { 0x20 } else { 0 }];
+        let status = if self.is_enhanced() {
+            &status[..]
         } else {
-            bytes.push(if self.is_broken { 0x20 } else { 0 });
-        }
+            &old
+        };
         let [_, length] = self.objects.lengths();
-        match length {
-            10 => bytes.extend(counter.to_le_bytes()),
-            _ => bytes.extend((counter as u16).to_le_bytes()),
-        }
+        let width = if length == 10 { 4 } else { 2 };
+        let bytes = status.iter().chain(counter.iter().take(width));
         // The latch is never used.
-        bytes.resize(length, 0);
-        if let Some(place) = data.get_mut(..length) {
-            place.copy_from_slice(&bytes);
+        let bytes = bytes.copied().chain(std::iter::repeat(0));
+        for (place, byte) in data.iter_mut().take(length).zip(bytes) {
+            *place = byte;
         }
         length
     }
