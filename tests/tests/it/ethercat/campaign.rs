@@ -38,7 +38,7 @@ use super::force::with_sensor;
 /// Two of the hooks of campaign A.
 fn plan_text() -> String {
     let noise = "gauge_um = 0.5\nforce_n = 0.5\nmoment_nm = 0.05\n";
-    let whole = campaign_a(noise, &[0, 150, 300]);
+    let whole = campaign_a(noise, &[0, 300, 0]);
     let parts: Vec<&str> = whole.split("[[series]]").take(7).collect();
     parts.join("[[series]]")
 }

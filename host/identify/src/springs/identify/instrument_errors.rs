@@ -7,7 +7,7 @@
 //! them: a gauge of a stiff part moves by a few standard deviations, and a part of these is a
 //! spring that is half too soft.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector6};
 
 use super::{IdentifiedSprings, names};
 use crate::fit::goodness::MIN_P;
@@ -19,6 +19,11 @@ use crate::springs::robust_fit::RobustFit;
 
 /// Smallest share of a column that zeros, set-up and springs leave of it.
 const MIN_LEFT: f64 = 1e-6;
+
+/// Largest standard deviation of an error of the loads, as a share of the largest one, with which a
+/// campaign can tell it. With loads of one size the springs take all of it but what the geometry
+/// changes under load, and that says nothing of the sensor.
+const MAX_LOAD_SD: f64 = 0.1;
 
 /// Share of a gauge's largest displacement within which play of a lever is looked for, and beyond
 /// which the end of a range is.
@@ -86,8 +91,15 @@ struct GaugeMotion {
 struct Score {
     /// Decrease of chi-squared.
     gain: f64,
+    /// Standard deviation of the size of the column.
+    sd: f64,
     /// Changes of the parameters by what is in the readings of it now.
     moved: DVector<f64>,
+}
+
+/// Magnitude of the force of a load, N.
+fn force_n(load: &Vector6<f64>) -> f64 {
+    load.fixed_rows::<3>(0).norm()
 }
 
 impl<const N: usize> IdentifiedSprings<'_, N> {
@@ -108,7 +120,7 @@ impl<const N: usize> IdentifiedSprings<'_, N> {
         // A force sensor with such an error makes gauges look so.
         let most = found.iter().map(|(gain, _)| *gain).fold(0.0, f64::max);
         let of_load = of_load
-            .filter(|score| score.gain > most)
+            .filter(|score| score.gain > most && score.sd < MAX_LOAD_SD)
             .and_then(|score| self.significance(score, 1));
         let of_load = of_load.map(|why| {
             format!("the readings do not rise in proportion to the loads: look at range and calibration of the force sensor ({why})")
@@ -174,6 +186,7 @@ impl<const N: usize> IdentifiedSprings<'_, N> {
                 let is_left = squares > MIN_LEFT * whole.norm_squared();
                 is_left.then(|| Score {
                     gain: size * size * squares,
+                    sd: (self.intervals.variance(solution) / squares).sqrt(),
                     moved: &half * shares * -size,
                 })
             })
@@ -240,12 +253,18 @@ impl<const N: usize> IdentifiedSprings<'_, N> {
         }
         // A sensor that shows the load off by a share that grows with the force.
         let load = &self.robust_fit.solution.state.loads[linearized.window];
-        let off = load * load.fixed_rows::<3>(0).norm();
+        let off = load * (force_n(load) / self.largest_force_n());
         columns.set_column(
             moved.len() * FORMS.len(),
             &(&linearized.load * DVector::from_column_slice(off.as_slice())),
         );
         columns
+    }
+
+    /// Largest force of a window, N.
+    fn largest_force_n(&self) -> f64 {
+        let loads = &self.robust_fit.solution.state.loads;
+        loads.iter().map(force_n).fold(0.0, f64::max)
     }
 
     /// Size of each form of error at the reading of a gauge; zero where the fit has it, or cannot
