@@ -1,5 +1,6 @@
 //! Chosen jobs, one after the other, and the report.
 
+use std::fs::File;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -81,6 +82,16 @@ fn choose<'a>(
     Ok(jobs)
 }
 
+/// Locks the folder of the builds: of two runs each would overwrite the results of the other.
+fn lock(target: &Path) -> Result<File, String> {
+    let path = target.join("lock");
+    let file = File::create(&path).map_err(at(&path))?;
+    #[cfg(unix)]
+    rustix::fs::flock(&file, rustix::fs::FlockOperation::NonBlockingLockExclusive)
+        .map_err(|error| format!("{}: another `prove` runs here ({error})", path.display()))?;
+    Ok(file)
+}
+
 /// Gives every chosen job to Kani. `results` and `sources` are those of the repository.
 pub(crate) fn prove(
     root: &Path,
@@ -114,6 +125,7 @@ pub(crate) fn prove(
         build_limit: Duration::from_secs(options.build_minutes.saturating_mul(60)),
     };
     std::fs::create_dir_all(&kani.logs).map_err(at(&kani.logs))?;
+    let _lock = lock(&kani.target)?;
     kani.forget_builds().map_err(at(&kani.target))?;
     // Fails only where a handler is set already.
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
