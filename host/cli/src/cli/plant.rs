@@ -113,13 +113,15 @@ impl Serve {
             let state = self.own_state(robot)?;
             let socket = gantry_tau_ethercat::RawSocket::open(interface)?;
             let owned = Owned::new(state, self.own_ports(robot, allowed)?);
-            let link = self.gauges_of_bus(robot, section, allowed)?;
+            let link = self.gauges_of_bus(robot, allowed)?;
             return self.serve(robot, owned, positions_only, || {
                 let mut plant =
                     EthercatPlant::<_, N, M>::open(robot, section, socket, |start_m| {
                         self.motion_from(start_m)
                     })?;
-                link.into_iter().for_each(|link| plant.publish_gauges(link));
+                if let Some(link) = link {
+                    plant.publish_gauges(link);
+                }
                 let mut faults = plant.fault_log().of_interface(interface);
                 Ok((plant, move |row: &TickRecord<N>| {
                     drop(faults.see(row.state.phase))
@@ -132,13 +134,15 @@ impl Serve {
         });
         self.check_clocks(robot, &section)?;
         let owned = Owned::new(self.own_state(robot)?, self.own_ports(robot, allowed)?);
-        let link = self.gauges_of_bus(robot, &section, allowed)?;
+        let link = self.gauges_of_bus(robot, allowed)?;
         self.serve(robot, owned, positions_only, || {
             let bus = emulated_bus::<_, N, M>(robot, &section, tool)?;
             let mut plant = EthercatPlant::<_, N, M>::open(robot, &section, bus, |start_m| {
                 self.motion_from(start_m)
             })?;
-            link.into_iter().for_each(|link| plant.publish_gauges(link));
+            if let Some(link) = link {
+                plant.publish_gauges(link);
+            }
             let mut faults = plant.fault_log();
             let mut load = self.load(hand, 0);
             Ok((plant, move |row: &TickRecord<N>| {
@@ -152,13 +156,10 @@ impl Serve {
     fn gauges_of_bus<K, const N: usize>(
         &self,
         robot: &RobotFile<K, N>,
-        section: &gantry_tau_machine::robot_file::Ethercat,
         allowed: &Allowed,
     ) -> Result<Option<gantry_tau_server::links::gauges::GaugePublisher>, super::Failure> {
-        if section.gauges.is_empty() {
-            return Ok(None);
-        }
-        self.gauge_link(&robot.name, allowed).map(Some)
+        let link = super::serve::has_gauges(robot).then(|| self.gauge_link(&robot.name, allowed));
+        link.transpose()
     }
 
     /// Refuses clocks of the bus together with a pace that cannot follow them.

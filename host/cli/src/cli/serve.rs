@@ -339,7 +339,7 @@ pub(super) struct Ports {
 }
 
 /// True if there are gauges on the bus of the drives.
-fn has_gauges<K, const N: usize>(robot: &RobotFile<K, N>) -> bool {
+pub(super) fn has_gauges<K, const N: usize>(robot: &RobotFile<K, N>) -> bool {
     let section = robot.ethercat.as_ref();
     section.is_some_and(|section| !section.gauges.is_empty())
 }

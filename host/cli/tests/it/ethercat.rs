@@ -2,7 +2,11 @@
 //! features of these tests: with EtherCAT by `cargo test` of the whole workspace, without it by
 //! `cargo test -p gantry-tau`. Each finds what it should.
 
+use std::net::SocketAddr;
 use std::process::Stdio;
+
+use gantry_tau_server::links::gauges::GaugeReader;
+use gantry_tau_system::dial::NEVER;
 
 use crate::process::{Ended, Folder, address_behind};
 
@@ -97,6 +101,35 @@ fn an_emulated_bus_is_served_and_ends_in_order() {
             client.stderr().contains("ended") || client.stdout().contains("ended")
         });
     }
+}
+
+#[test]
+fn gauges_beside_the_drives_are_published_and_named_in_the_log() {
+    if !HAS_ETHERCAT {
+        return;
+    }
+    let folder = Folder::new("ethercat-gauges");
+    let gauge = "[[ethercat.gauges]]\nname = \"gauge_x\"\nposition = 3\nproduct = 0x13ED3052\num_per_count = 0.5\n";
+    folder.write("bus.toml", &robot(&format!("{}{gauge}", bus())));
+    let serve = ["serve", "--robot", "bus.toml", "--listen", FREE];
+    let options = ["--gauges", FREE, "--plant", "ethercat:emulated"];
+    let mut server = folder.start_with("serve", &[&serve[..], &options].concat(), Stdio::piped());
+    server.await_words("Ctrl-C");
+    let address = address_behind(&server.stdout(), "gauges of bus.toml on ");
+    let address: SocketAddr = address.parse().unwrap();
+    let mut reader = GaugeReader::connect(address, &NEVER).unwrap();
+    server.await_that("the length of the gauge, which stands", |_| {
+        let latest = reader.latest().unwrap();
+        latest.is_some_and(|lengths| lengths.lengths_m() == [0.0])
+    });
+    server.await_words("EtherCAT: gauge_x: counts");
+    server.write("quit\n");
+    assert!(
+        server
+            .end()
+            .success()
+            .contains("all offsets are zero; ended")
+    );
 }
 
 #[test]

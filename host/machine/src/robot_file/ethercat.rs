@@ -254,8 +254,9 @@ fn check_gauges(section: &Ethercat, problems: &mut Problems) {
     let taken = drives.chain(sensor.map(|sensor| (sensor.alias, sensor.position)));
     for (index, gauge) in section.gauges.iter().enumerate() {
         let place = (gauge.alias, gauge.position);
-        if taken.clone().any(|taken| taken == place) {
-            let key = format!("ethercat.gauges[{index}].position");
+        let is_taken = taken.clone().any(|taken| taken == place);
+        if let Some((key, _)) = gauge.place().filter(|_| is_taken) {
+            let key = format!("ethercat.gauges[{index}].{key}");
             problems.add(key, "names a drive or the force sensor");
         }
     }

@@ -22,10 +22,10 @@ pub struct EthercatGauge {
     pub um_per_count: f64,
     /// 1, or -1 for a gauge whose counts grow the other way.
     #[serde(default = "plus")]
-    pub sign: i64,
+    pub sign: i8,
 }
 
-const fn plus() -> i64 {
+const fn plus() -> i8 {
     1
 }
 
@@ -33,7 +33,16 @@ impl EthercatGauge {
     /// Returns the length of a number of counts, m.
     #[must_use]
     pub fn length_m(&self, count: i64) -> f64 {
-        self.sign.signum() as f64 * self.um_per_count * 1e-6 * count as f64
+        f64::from(self.sign) * self.um_per_count * 1e-6 * count as f64
+    }
+
+    /// Returns its place, as key and value; `None` without one, or with two.
+    pub(super) fn place(&self) -> Option<(&'static str, u16)> {
+        match (self.alias, self.position) {
+            (Some(alias), None) => Some(("alias", alias)),
+            (None, Some(position)) => Some(("position", position)),
+            _ => None,
+        }
     }
 
     /// Returns what is wrong with it: keys and reasons.
@@ -41,12 +50,13 @@ impl EthercatGauge {
         let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         let name = (self.name.is_empty() || !self.name.chars().all(is_name))
             .then(|| ("name", "expected letters, digits, _ and -".to_owned()));
-        let place = match (self.position, self.alias) {
-            (Some(_), None) => None,
-            (None, Some(0)) => Some(("alias", "0 is that of devices without one")),
-            (None, Some(_)) => None,
-            (None, None) => Some(("position", "missing, and no alias either")),
-            (Some(_), Some(_)) => Some(("alias", "there is a position already; expected one")),
+        let place = match self.place() {
+            Some(("alias", 0)) => Some(("alias", "0 is that of devices without one")),
+            Some(_) => None,
+            None if self.alias.is_some() => {
+                Some(("alias", "there is a position already; expected one"))
+            }
+            None => Some(("position", "missing, and no alias either")),
         };
         let um = self.um_per_count;
         let length = (!(1e-6..=1e3).contains(&um)).then(|| {
@@ -64,7 +74,10 @@ impl EthercatGauge {
 pub fn problems_of_gauges(gauges: &[EthercatGauge]) -> Vec<(String, String)> {
     let mut problems = Vec::new();
     if gauges.len() > MAX_GAUGES {
-        let reason = format!("expected 1 to {MAX_GAUGES} tables, found {}", gauges.len());
+        let reason = format!(
+            "expected at most {MAX_GAUGES} tables, found {}",
+            gauges.len()
+        );
         problems.push((String::new(), reason));
     }
     for (index, gauge) in gauges.iter().enumerate() {
@@ -73,14 +86,10 @@ pub fn problems_of_gauges(gauges: &[EthercatGauge]) -> Vec<(String, String)> {
         if before.clone().any(|other| other.name == gauge.name) {
             add("name", format!("{:?} is named twice", gauge.name));
         }
-        if before
-            .clone()
-            .any(|other| (other.alias, other.position) == (gauge.alias, gauge.position))
+        let place = gauge.place();
+        if let Some((key, _)) = place.filter(|_| before.clone().any(|other| other.place() == place))
         {
-            add(
-                "position",
-                "names the terminal of another gauge too".to_owned(),
-            );
+            add(key, "names the terminal of another gauge too".to_owned());
         }
         for (key, reason) in gauge.problems() {
             add(key, reason);

@@ -8,14 +8,14 @@ use gantry_tau_client::{ClientControls, ClientError};
 use gantry_tau_core::control::message::{Cause, Phase};
 use gantry_tau_machine::model::MachineKind;
 use gantry_tau_machine::robot_file::{
-    AnyRobotFile, Clocks, Ethercat, EthercatForceSensor, ForceSensorKind, RobotFile, text_of,
+    Clocks, Ethercat, EthercatForceSensor, ForceSensorKind, RobotFile,
 };
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_sim::load_generator::{Load, load_generator};
 use gantry_tau_tests::{client_session, short_demo};
 
-use super::{Server, open, section};
+use super::{Server, open, parse_bus, section};
 
 /// Largest errors of the emulated sensor: half a count, N and N m, and rounding.
 const HALF_A_COUNT: [f64; 2] = [0.5e-5 + 1e-9, 0.5e-6 + 1e-9];
@@ -179,20 +179,9 @@ fn an_unplugged_sensor_ends_the_session_and_no_drive() {
 #[test]
 fn a_section_that_cannot_be_is_refused_by_its_key() {
     let parse = |sensor: &str| {
-        let drives: String = (0..3)
-            .map(|position| {
-                format!(
-                    "[[ethercat.drives]]\nposition = {position}\nvendor = 1\nproduct = 1\n\
-                     counts_per_q = 104857600.0\nsign = 1\nzero_counts = 0\n"
-                )
-            })
-            .collect();
-        let text = format!(
-            "{}\n[ethercat]\ncycle_us = 1000\nwatchdog_cycles = 5\n{drives}\
-             [ethercat.force_sensor]\nvendor = 0x732\nproduct = 0x26483052\nkind = \"ati\"\n{sensor}\n",
-            text_of("l2").unwrap()
-        );
-        AnyRobotFile::parse("bus.toml", &text).map_err(|error| error.to_string())
+        parse_bus(&format!(
+            "[ethercat.force_sensor]\nvendor = 0x732\nproduct = 0x26483052\nkind = \"ati\"\n{sensor}"
+        ))
     };
     assert!(parse("position = 3\ncalibration = 15").is_ok());
     for (sensor, said) in [

@@ -3,7 +3,7 @@
 
 use gantry_tau::ethercat::{EmulatedBus, emulated_bus};
 use gantry_tau_ethercat::emulation::Instrument;
-use gantry_tau_machine::robot_file::{AnyRobotFile, Ethercat, EthercatGauge, RobotFile, text_of};
+use gantry_tau_machine::robot_file::{Ethercat, EthercatGauge, RobotFile};
 use gantry_tau_server::links::gauges::{GaugePublisher, GaugeReader, Lengths};
 use gantry_tau_sim::load_generator::load_generator;
 use gantry_tau_system::dial::NEVER;
@@ -11,12 +11,12 @@ use gantry_tau_tests::server_fixture::LOOPBACK;
 use gantry_tau_tests::wait_for;
 
 use super::force::with_sensor;
-use super::{Server, open};
+use super::{Server, open, parse_bus};
 
 const EL5101: u32 = 0x13ED_3052;
 const EL5151: u32 = 0x141F_3052;
 
-fn gauge(name: &str, position: u16, product: u32, sign: i64) -> EthercatGauge {
+fn gauge(name: &str, position: u16, product: u32, sign: i8) -> EthercatGauge {
     EthercatGauge {
         name: name.to_owned(),
         alias: None,
@@ -107,20 +107,9 @@ fn their_lengths_are_published_in_every_cycle() {
 #[test]
 fn gauges_that_cannot_be_are_refused_by_their_keys() {
     let parse = |gauges: &str| {
-        let drives: String = (0..3)
-            .map(|position| {
-                format!(
-                    "[[ethercat.drives]]\nposition = {position}\nvendor = 1\nproduct = 1\n\
-                     counts_per_q = 104857600.0\nsign = 1\nzero_counts = 0\n"
-                )
-            })
-            .collect();
-        let text = format!(
-            "{}\n[ethercat]\ncycle_us = 1000\nwatchdog_cycles = 5\n{drives}\
-             [ethercat.force_sensor]\nposition = 3\nvendor = 0x732\nproduct = 0x26483052\nkind = \"ati\"\n{gauges}\n",
-            text_of("l2").unwrap()
-        );
-        AnyRobotFile::parse("bus.toml", &text).map_err(|error| error.to_string())
+        parse_bus(&format!(
+            "[ethercat.force_sensor]\nposition = 3\nvendor = 0x732\nproduct = 0x26483052\nkind = \"ati\"\n{gauges}"
+        ))
     };
     let good = "[[ethercat.gauges]]\nname = \"x\"\nposition = 4\nproduct = 0x13ED3052\num_per_count = 0.5\n";
     let second = good.replace("\"x\"", "\"y\"").replace("= 4", "= 5");

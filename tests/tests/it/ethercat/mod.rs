@@ -16,7 +16,7 @@ use gantry_tau::ethercat::{EmulatedBus, EthercatError, EthercatPlant, FaultLog, 
 use gantry_tau_core::control::message::{Capabilities, Mode, Phase};
 use gantry_tau_core::units::EpochRange;
 use gantry_tau_machine::model::MachineKind;
-use gantry_tau_machine::robot_file::{Ethercat, RobotFile};
+use gantry_tau_machine::robot_file::{AnyRobotFile, Ethercat, RobotFile, text_of};
 use gantry_tau_server::plant::interpolator::Motion;
 use gantry_tau_server::record::TickRecord;
 use gantry_tau_server::server::cycle::{Cycle, OperatorInputs};
@@ -56,6 +56,23 @@ pub(crate) fn section_of_whole_steps<K, const N: usize>(robot: &RobotFile<K, N>)
         drive.counts_per_q = 1e8 * robot.metres_per_q[*axis];
     }
     section
+}
+
+/// Reads a robot file with three drives on a bus, and what `rest` adds.
+fn parse_bus(rest: &str) -> Result<AnyRobotFile, String> {
+    let drives: String = (0..3)
+        .map(|position| {
+            format!(
+                "[[ethercat.drives]]\nposition = {position}\nvendor = 1\nproduct = 1\n\
+                 counts_per_q = 104857600.0\nsign = 1\nzero_counts = 0\n"
+            )
+        })
+        .collect();
+    let text = format!(
+        "{}\n[ethercat]\ncycle_us = 1000\nwatchdog_cycles = 5\n{drives}{rest}\n",
+        text_of("l2").unwrap()
+    );
+    AnyRobotFile::parse("bus.toml", &text).map_err(|error| error.to_string())
 }
 
 /// Opens a bus, moving back and forth by `motion_m`.

@@ -36,7 +36,7 @@ impl GaugesFile {
     fn parse(path: &Path, text: &str) -> Result<Self, FileError> {
         let GaugeTables { gauge: gauges } = setup::parse(path, text)?;
         if gauges.is_empty() {
-            let reason = format!("expected 1 to {MAX_GAUGES} tables, found 0");
+            let reason = format!("expected 1 to {MAX_GAUGES} tables, found none");
             return Err(FileError::key(path, "gauge", reason));
         }
         if let Some((key, reason)) = problems_of_gauges(&gauges).into_iter().next() {
@@ -129,6 +129,6 @@ mod tests {
         }
         let many = (0..16).map(|index| GAUGE.replace("\"x\"", &format!("\"x{index}\"")));
         let error = parse(&many.collect::<String>()).unwrap_err();
-        assert_eq!(error, "g.toml: gauge: expected 1 to 15 tables, found 16");
+        assert_eq!(error, "g.toml: gauge: expected at most 15 tables, found 16");
     }
 }

@@ -159,10 +159,13 @@ impl<const N: usize> IdentifiedSprings<'_, N> {
         let moved: Vec<GaugeMotion> = (0..self.problem.campaign.gauges.len())
             .map(|gauge| self.moved(gauge))
             .collect();
+        let loads = solution.state.loads.iter().map(force_n);
+        // Without any load the column is zero, and nothing is left of it.
+        let most_n = loads.fold(f64::MIN_POSITIVE, f64::max);
         let columns: Vec<DMatrix<f64>> = solution
             .linearized
             .iter()
-            .map(|linearized| self.columns(linearized, &moved))
+            .map(|linearized| self.columns(linearized, &moved, most_n))
             .collect();
         let blocks = Blocks::new(
             &self.problem,
@@ -242,8 +245,13 @@ impl<const N: usize> IdentifiedSprings<'_, N> {
         }
     }
 
-    /// Columns of a window: of each gauge each form, then the load.
-    fn columns(&self, linearized: &LinearizedWindow, moved: &[GaugeMotion]) -> DMatrix<f64> {
+    /// Columns of a window: of each gauge each form, then the load, whose largest force is `most_n`.
+    fn columns(
+        &self,
+        linearized: &LinearizedWindow,
+        moved: &[GaugeMotion],
+        most_n: f64,
+    ) -> DMatrix<f64> {
         let mut columns = DMatrix::zeros(linearized.gauges.len(), moved.len() * FORMS.len() + 1);
         for (row, gauge) in linearized.gauges.iter().enumerate() {
             let sizes = self.sizes(linearized, &moved[*gauge]);
@@ -253,18 +261,12 @@ impl<const N: usize> IdentifiedSprings<'_, N> {
         }
         // A sensor that shows the load off by a share that grows with the force.
         let load = &self.robust_fit.solution.state.loads[linearized.window];
-        let off = load * (force_n(load) / self.largest_force_n());
+        let off = load * (force_n(load) / most_n);
         columns.set_column(
             moved.len() * FORMS.len(),
             &(&linearized.load * DVector::from_column_slice(off.as_slice())),
         );
         columns
-    }
-
-    /// Largest force of a window, N.
-    fn largest_force_n(&self) -> f64 {
-        let loads = &self.robust_fit.solution.state.loads;
-        loads.iter().map(force_n).fold(0.0, f64::max)
     }
 
     /// Size of each form of error at the reading of a gauge; zero where the fit has it, or cannot

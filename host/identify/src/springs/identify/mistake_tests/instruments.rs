@@ -182,30 +182,3 @@ fn a_force_sensor_that_is_not_linear_is_named() {
         "{errors:?}"
     );
 }
-
-/// The springs of a softer machine show the same: of one size of load nothing tells the two apart, and
-/// what is left of the column is no sign of the sensor.
-#[test]
-fn of_loads_of_one_size_nothing_is_said_about_the_force_sensor() {
-    let (mut bench, _) = good(campaign_a(FINE), 4);
-    let force_n = |load: &nalgebra::Vector6<f64>| load.fixed_rows::<3>(0).norm();
-    let windows = &mut bench.campaign.windows;
-    let most_n = windows
-        .iter()
-        .map(|window| force_n(&window.load))
-        .fold(0.0, f64::max);
-    windows.retain(|window| {
-        let share = force_n(&window.load) / most_n;
-        !(0.1..0.9).contains(&share)
-    });
-    for window in windows {
-        window.load *= 1.0 - 0.1 * force_n(&window.load) / most_n;
-    }
-    let errors = find(bench.problem(), &options())
-        .unwrap()
-        .instrument_errors();
-    assert!(
-        errors.iter().all(|error| !error.contains("in proportion")),
-        "{errors:?}"
-    );
-}
